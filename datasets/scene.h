@@ -1,0 +1,132 @@
+// The scene model: what readers and generators produce, and what tracer and harness work on.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "accel/parameters.h"
+#include "accel/raybench.h"
+#include "accel/vec3.h"
+
+namespace raybench {
+
+/// Whitted material, linear RGB in [0,1]. Base colour and textures are modelled fully in a later issue.
+struct Material {
+  std::string name;
+  Vec3f diffuse{0.7f, 0.7f, 0.7f};
+  Vec3f specular{0, 0, 0};  ///< Phong lobe
+  float shininess = 32;     ///< Phong exponent
+  Vec3f emission{0, 0, 0};
+  Vec3f reflect{0, 0, 0};   ///< k_r: weight of the ideal mirror ray
+  Vec3f transmit{0, 0, 0};  ///< k_t: weight of the refracted ray
+  float ior = 1.5f;
+};
+
+/// Point light; `intensity` is divided by the squared distance when `falloff` is set.
+struct PointLight {
+  Vec3f position{0, 0, 0};
+  Vec3f intensity{1, 1, 1};
+  bool falloff = false;
+};
+
+/// Pinhole camera; the image plane is spanned at distance 1. `tan_half_fov` belongs to the vertical angle.
+struct Camera {
+  Vec3f eye{0, 0, 0}, at{0, 0, -1}, up{0, 1, 0};
+  float tan_half_fov = 0.5f;
+};
+
+/// Procedural sphere; its primitive id is triangle_count + its index.
+struct Sphere {
+  Vec3f center;
+  float radius;
+};
+
+/// Where a scene came from, for run.json and `raybench list`.
+struct Provenance {
+  std::string source;   ///< file path, package and member, or generator with its parameters
+  std::string licence;  ///< as stated by the source; empty: unknown
+  std::string package, version, sha256;
+};
+
+/// What loading noticed; every figure is reported.
+struct LoadStats {
+  uint64_t faces = 0;                 ///< polygons in the file, before triangulation
+  uint64_t degenerate_triangles = 0;  ///< exactly collinear, left out (exact predicate)
+  uint64_t dropped_triangles = 0;     ///< non-finite or out-of-range, left out because the caller asked to
+  uint64_t instances = 0;             ///< mesh nodes flattened
+  uint64_t shared_triangles = 0;      ///< triangles that instancing would have shared
+};
+
+/// Immutable once Finish() has run. Positions are the file's float32 values times 2^scale_exponent.
+class Scene {
+ public:
+  std::string name;
+  Provenance provenance;
+  LoadStats stats;
+
+  std::vector<Vec3f> positions;
+  std::vector<std::array<uint32_t, 3>> triangles;
+  std::vector<uint32_t> triangle_material;  ///< one per triangle
+  std::vector<uint32_t> triangle_face;      ///< the file's face id of each triangle (0-based, in file order)
+  std::vector<Sphere> spheres;
+  std::vector<uint32_t> sphere_material;
+  std::vector<Material> materials;  ///< at least one after Finish()
+  std::vector<PointLight> lights;   ///< at least one after Finish()
+  std::vector<Camera> cameras;      ///< at least one after Finish(); the first is used
+  Vec3f ambient{0.1f, 0.1f, 0.1f};
+  Vec3f background{0.6f, 0.7f, 0.8f};
+  int scale_exponent = 0;
+  bool automatic_camera = false, automatic_lights = false;  ///< set by Finish() when it had to invent them
+
+  /// Brings a freshly filled scene into the state the contract promises: checks vertices (finite) and indices,
+  /// leaves out exactly degenerate triangles, rescales by a power of two if max |coordinate| lies outside
+  /// [2^-30, 2^30], adds a camera and lights where there are none, computes bounds and hash.
+  /// With `drop_bad` bad triangles are left out and counted instead of throwing.
+  /// Throws InputError naming `provenance.source` and the vertex or face.
+  void Finish(bool drop_bad = false);
+
+  /// View for structures; valid while the scene lives and is not moved.
+  rb_geometry Geometry() const;
+  uint64_t primitive_count() const { return triangles.size() + spheres.size(); }
+  const Bounds3& bounds() const { return bounds_; }
+  /// 64-bit hash of geometry (positions, triangles, spheres), 16 hex digits.
+  const std::string& hash() const { return hash_; }
+  uint32_t MaterialOf(uint32_t prim) const {
+    return prim < triangles.size() ? triangle_material[prim] : sphere_material[prim - triangles.size()];
+  }
+  /// Geometric normal of a primitive at a point, not normalised, in double (spheres: outward).
+  Vec3d GeometricNormal(uint32_t prim, Vec3d point) const;
+
+ private:
+  Bounds3 bounds_;
+  std::string hash_;
+};
+
+/// True if the three points are exactly collinear or coincide. Exact for all finite floats.
+bool IsDegenerate(Vec3f a, Vec3f b, Vec3f c);
+
+/// A procedural scene: a seeded generator with described parameters.
+struct Generator {
+  const char *name, *doc, *source;
+  const rb_param* params;
+  uint32_t param_count, config_size;
+  Scene (*generate)(const void* config, uint64_t seed);  ///< returns a scene on which Finish() has run
+};
+std::vector<const Generator*> Generators();
+
+struct LoadOptions {
+  uint64_t seed = 1;      ///< for generators
+  bool drop_bad = false;  ///< leave out bad triangles instead of refusing the file
+  std::function<void(double fraction)> progress;  ///< may be empty
+};
+
+/// Loads what a user named: a path to .obj/.off/.gltf/.glb, a generator ("sphereflake(depth=5)"), or a model of the
+/// manifest ("engine"; it must have been fetched). Throws InputError: missing, unknown format, broken, not fetched.
+Scene LoadScene(const std::string& name, const LoadOptions& options = {});
+
+}  // namespace raybench
