@@ -39,17 +39,13 @@ is_supported_debian() {
   )
 }
 
-# Packages of the list that dpkg does not know as installed, one a line.
-missing_packages() {
-  local installed
-  # shellcheck disable=SC2016 # dpkg-query expands these
-  installed=$(dpkg-query -W -f='${db:Status-Status} ${Package}\n' "${packages[@]}" 2>/dev/null | sed -n 's/^installed //p')
-  printf '%s\n' "${packages[@]}" | grep -vxF -f <(printf '%s\n' "$installed" | sort -u) || true
-}
-
 install_packages() {
-  local missing as_root=() apt=(apt-get -q -y -o Acquire::Retries=3 -o DPkg::Lock::Timeout=300)
-  mapfile -t missing < <(missing_packages)
+  local installed package missing=() as_root=() apt=(apt-get -q -y -o Acquire::Retries=3 -o DPkg::Lock::Timeout=300)
+  # shellcheck disable=SC2016 # dpkg-query expands these; it fails when it knows one of them not at all
+  installed=$(dpkg-query -W -f='${db:Status-Status}:${Package}\n' "${packages[@]}" 2>/dev/null || true)
+  for package in "${packages[@]}"; do
+    [[ $'\n'$installed$'\n' == *$'\n'"installed:$package"$'\n'* ]] || missing+=("$package")
+  done
   [ ${#missing[@]} -gt 0 ] || return 0
   if [ "$(id -u)" != 0 ]; then
     if command -v sudo >/dev/null && { sudo -n true 2>/dev/null || [ -t 0 ]; }; then
