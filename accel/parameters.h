@@ -1,5 +1,5 @@
-// Text <-> configuration block: "bvh_sah(numerics=fast,leaf_size=4)". Structures and procedural scenes are named
-// the same way, so this serves both.
+// Text <-> configuration block: "bvh_sah(numerics=fast,leaf_size=4)". Structures and procedural scenes are
+// named the same way, so this serves both.
 #pragma once
 
 #include <cstddef>

@@ -59,7 +59,8 @@ typedef struct {
   void (*procedural_bounds)(const void* user, uint64_t i, float lo[3], float hi[3]);
   /* Nearest hit of primitive i with tnear < t <= tfar: fills t, u, v and returns 1, else returns 0. It is
    * given RB_CLOSEST rays only and does not touch hit->prim. `numerics` is the build parameter's index. */
-  int (*procedural_intersect)(const void* user, uint64_t i, uint32_t numerics, const rb_ray* ray, rb_hit* hit);
+  int (*procedural_intersect)(const void* user, uint64_t i, uint32_t numerics, const rb_ray* ray,
+                              rb_hit* hit);
   const void* procedural_user;
 } rb_geometry;
 
@@ -68,7 +69,7 @@ enum { RB_NEED_UV = 1, RB_NEED_ANY = 2, RB_NEED_AFTER = 4, RB_NEED_SKIP = 8 };
 
 typedef struct {
   uint32_t struct_size;
-  uint32_t threads;           /* at most this many threads may build; at least 1 */
+  uint32_t threads; /* at most this many threads may build; at least 1 */
   uint64_t seed;
   uint64_t needs;             /* RB_NEED_* */
   uint64_t memory_limit;      /* bytes the tree and its building may take; 0: no limit */
@@ -76,7 +77,8 @@ typedef struct {
 } rb_build_options;
 
 /* A build parameter, described beside the code that uses it. It is stored in the config block at `offset`
- * as uint32_t (RB_BOOL), int64_t (RB_INT), double (RB_FLOAT) or uint32_t, an index of `choices` (RB_CHOICE). */
+ * as uint32_t (RB_BOOL), int64_t (RB_INT), double (RB_FLOAT) or uint32_t, an index of `choices` (RB_CHOICE).
+ */
 enum { RB_BOOL, RB_INT, RB_FLOAT, RB_CHOICE };
 enum { RB_PARAM_LOG = 1, RB_PARAM_APPROXIMATE = 2 };
 typedef struct {
@@ -104,7 +106,8 @@ enum { RB_CLAIM_NOTHING, RB_CLAIM_INEXACT, RB_CLAIM_WATERTIGHT, RB_CLAIM_EXACT }
 enum { RB_SHAPE_BOX, RB_SHAPE_SPHERE, RB_SHAPE_KDOP };
 typedef struct {
   uint32_t depth, is_leaf; /* root: depth 0 */
-  uint32_t space_partition; /* 0: the leaf's bounds enclose its primitives; 1: the leaves together cover them */
+  uint32_t
+      space_partition; /* 0: the leaf's bounds enclose its primitives; 1: the leaves together cover them */
   uint32_t shape;
   const float* bounds;
   uint32_t bounds_count, prim_count; /* floats in bounds; primitives referenced by a leaf */

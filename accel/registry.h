@@ -18,8 +18,8 @@ class Registry {
   Registry();
 
   /// Loads a shared library and adds what it exports. Plugins stay loaded until the process ends.
-  /// Throws InputError naming the file when it cannot be loaded, speaks another ABI, lacks a required function,
-  /// or brings a name that is taken.
+  /// Throws InputError naming the file when it cannot be loaded, speaks another ABI, lacks a required
+  /// function, or brings a name that is taken.
   void LoadPlugin(const std::string& path);
 
   /// Throws InputError listing the known names.
@@ -75,8 +75,8 @@ struct BuildError : std::runtime_error {
 /// Default options: all fields set, one thread, everything needed but `after` and `skip`.
 rb_build_options DefaultBuildOptions();
 
-/// Finite origin and direction, direction not zero, tnear finite and >= 0, tfar not NaN: what a structure may be
-/// given. Callers replace other rays by InvalidRayStandIn() and count them.
+/// Finite origin and direction, direction not zero, tnear finite and >= 0, tfar not NaN: what a structure may
+/// be given. Callers replace other rays by InvalidRayStandIn() and count them.
 bool IsValidRay(const rb_ray& ray);
 /// A valid ray that misses everything (tfar < tnear).
 rb_ray InvalidRayStandIn();
