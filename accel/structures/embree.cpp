@@ -1,0 +1,231 @@
+// embree: Intel's Embree (Wald et al. 2014) behind the contract, single-ray calls, as an engine would use it
+// first.
+//
+// Triangles are one geometry, procedural primitives a user geometry. Vertex and index arrays are shared with
+// the scene, not copied. Input that makes a packaged Embree abort is kept away from it: invalid rays are
+// answered here with a miss; geometry is clean by contract. It cannot count, resume or skip. Embree orders
+// hits at equal t as it meets them; so ids at ties may differ from the lowest, which the verdict shows.
+#include "accel/structures/embree.h"
+
+#include <fmt/format.h>
+#include <tbb/task_arena.h>
+
+#include <atomic>
+#include <memory>
+
+#include "accel/registry.h"
+#include "accel/structure.h"
+
+namespace raybench {
+namespace {
+
+constexpr unsigned kTriangles = 0, kProcedural = 1;  // geometry ids
+
+struct Release {
+  void operator()(RTCDevice d) const { rtcReleaseDevice(d); }
+  void operator()(RTCScene s) const { rtcReleaseScene(s); }
+};
+template <class Handle>
+using Owned = std::unique_ptr<std::remove_pointer_t<Handle>, Release>;
+
+const char* const kQualities[] = {"low", "medium", "high", nullptr};
+
+class Embree {
+ public:
+  struct Config {
+    uint32_t quality, robust, compact;
+  };
+  static constexpr const char* kName = "embree";
+  static constexpr const char* kDoc = "Intel Embree, single-ray calls";
+  static constexpr const char* kSource =
+      "Wald, Woop, Benthin, Johnson, Ernst 2014: Embree, a kernel framework";
+  // Embree promises the same tree only for one thread.
+  static constexpr uint64_t kCapabilities = RB_CAN_PROCEDURAL;
+  static std::span<const rb_param> Params() {
+    static const rb_param params[] = {
+        {"quality", "build quality: low (Morton), medium (binned SAH), high (spatial splits)", RB_CHOICE, 0,
+         offsetof(Config, quality), 0, 0, 0, 1, kQualities},
+        {"robust", "RTC_SCENE_FLAG_ROBUST: tests that avoid leaks at edges", RB_BOOL, 0,
+         offsetof(Config, robust), 0, 0, 1, 0, nullptr},
+        {"compact", "RTC_SCENE_FLAG_COMPACT: less memory", RB_BOOL, 0, offsetof(Config, compact), 0, 0, 1, 0,
+         nullptr}};
+    return params;
+  }
+
+  Embree(const rb_geometry& geometry, const rb_build_options& options, const Config& config)
+      : geometry_(geometry), config_(config), cancel_(options.cancel), limit_(options.memory_limit) {
+    // Debian's Embree is built on oneTBB: the arena is what limits the threads of a build.
+    device_.reset(rtcNewDevice(fmt::format("threads={}", options.threads).c_str()));
+    if (!device_) throw BuildError("Embree gives no device");
+    rtcSetDeviceMemoryMonitorFunction(device_.get(), &CountMemory, this);
+    scene_.reset(rtcNewScene(device_.get()));
+    const RTCBuildQuality qualities[] = {RTC_BUILD_QUALITY_LOW, RTC_BUILD_QUALITY_MEDIUM,
+                                         RTC_BUILD_QUALITY_HIGH};
+    rtcSetSceneBuildQuality(scene_.get(), qualities[config.quality]);
+    rtcSetSceneFlags(scene_.get(),
+                     RTCSceneFlags((config.robust ? RTC_SCENE_FLAG_ROBUST : RTC_SCENE_FLAG_NONE) |
+                                   (config.compact ? RTC_SCENE_FLAG_COMPACT : RTC_SCENE_FLAG_NONE)));
+    rtcSetSceneProgressMonitorFunction(scene_.get(), &KeepGoing, this);
+    if (geometry.triangle_count > 0) AttachTriangles();
+    if (geometry.procedural_count > 0) AttachProcedural();
+    tbb::task_arena arena(int(options.threads));
+    arena.execute([&] { rtcJoinCommitScene(scene_.get()); });
+    if (RTCError error = rtcGetDeviceError(device_.get()); error != RTC_ERROR_NONE) {
+      if (error == RTC_ERROR_CANCELLED) throw BuildError("cancelled");
+      if (error == RTC_ERROR_OUT_OF_MEMORY) throw BuildError("over the memory limit");
+      throw BuildError(fmt::format("Embree reports error {}", int(error)));
+    }
+    cancel_ = nullptr;
+  }
+
+  template <class Counter>
+  void Query(const rb_query& query) const {
+#if RAYBENCH_EMBREE_MAJOR >= 4
+    RTCIntersectArguments closest;
+    rtcInitIntersectArguments(&closest);
+    RTCOccludedArguments any;
+    rtcInitOccludedArguments(&any);
+#else
+    RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+#endif
+    for (size_t i = 0; i < query.n; ++i) {
+      const rb_ray& in = query.rays[i];
+      const bool valid = IsFinite(in);
+      if (query.kind == RB_ANY) {
+        RTCRay ray = ToEmbree(in);
+        if (valid) {
+#if RAYBENCH_EMBREE_MAJOR >= 4
+          rtcOccluded1(scene_.get(), &ray, &any);
+#else
+          rtcOccluded1(scene_.get(), &context, &ray);
+#endif
+        }
+        query.occluded[i] = ray.tfar < 0 && valid && in.tfar >= 0;
+        continue;
+      }
+      RTCRayHit found;
+      found.ray = ToEmbree(in);
+      found.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+      found.hit.primID = RTC_INVALID_GEOMETRY_ID;
+      found.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+      if (valid) {
+#if RAYBENCH_EMBREE_MAJOR >= 4
+        rtcIntersect1(scene_.get(), &found, &closest);
+#else
+        rtcIntersect1(scene_.get(), &context, &found);
+#endif
+      }
+      if (found.hit.geomID == RTC_INVALID_GEOMETRY_ID) {
+        query.hits[i] = {in.tfar, 0, 0, RAYBENCH_NONE};
+      } else {
+        const uint32_t base = found.hit.geomID == kTriangles ? 0 : uint32_t(geometry_.triangle_count);
+        query.hits[i] = {found.ray.tfar, found.hit.u, found.hit.v, base + found.hit.primID};
+      }
+    }
+  }
+
+  uint32_t Claims() const { return RB_CLAIM_INEXACT; }
+  // Embree's monitor does not tell nodes from primitives. Single triangles are read from the scene's arrays.
+  MemoryUse Memory() const { return {uint64_t(std::max<int64_t>(0, bytes_.load())), 0, true}; }
+  RTCScene scene() const { return scene_.get(); }
+
+ private:
+  static RTCRay ToEmbree(const rb_ray& in) {
+    RTCRay ray;
+    ray.org_x = in.org[0], ray.org_y = in.org[1], ray.org_z = in.org[2], ray.tnear = in.tnear;
+    ray.dir_x = in.dir[0], ray.dir_y = in.dir[1], ray.dir_z = in.dir[2], ray.time = 0;
+    ray.tfar = in.tfar, ray.mask = unsigned(-1), ray.id = 0, ray.flags = 0;
+    return ray;
+  }
+
+  /// x - x is 0 for finite x and NaN otherwise, so one comparison checks eight numbers. tfar may be infinite.
+  static bool IsFinite(const rb_ray& r) {
+    const float zero = (r.org[0] - r.org[0]) + (r.org[1] - r.org[1]) + (r.org[2] - r.org[2]) +
+                       (r.dir[0] - r.dir[0]) + (r.dir[1] - r.dir[1]) + (r.dir[2] - r.dir[2]) +
+                       (r.tnear - r.tnear);
+    return zero == 0 && r.tfar == r.tfar;
+  }
+
+  void AttachTriangles() {
+    RTCGeometry g = rtcNewGeometry(device_.get(), RTC_GEOMETRY_TYPE_TRIANGLE);
+    rtcSetSharedGeometryBuffer(g, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, geometry_.positions, 0, 12,
+                               geometry_.vertex_count);
+    rtcSetSharedGeometryBuffer(g, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, geometry_.triangles, 0, 12,
+                               geometry_.triangle_count);
+    Attach(g, kTriangles);
+  }
+
+  void AttachProcedural() {
+    RTCGeometry g = rtcNewGeometry(device_.get(), RTC_GEOMETRY_TYPE_USER);
+    rtcSetGeometryUserPrimitiveCount(g, unsigned(geometry_.procedural_count));
+    rtcSetGeometryUserData(g, const_cast<rb_geometry*>(&geometry_));
+    rtcSetGeometryBoundsFunction(
+        g,
+        [](const RTCBoundsFunctionArguments* args) {
+          const auto& geometry = *static_cast<const rb_geometry*>(args->geometryUserPtr);
+          float lo[3], hi[3];
+          geometry.procedural_bounds(geometry.procedural_user, args->primID, lo, hi);
+          *args->bounds_o = {lo[0], lo[1], lo[2], 0, hi[0], hi[1], hi[2], 0};
+        },
+        nullptr);
+    rtcSetGeometryIntersectFunction(g, [](const RTCIntersectFunctionNArguments* args) {
+      if (args->valid[0] == 0) return;
+      auto* found = reinterpret_cast<RTCRayHit*>(args->rayhit);
+      rb_hit hit;
+      if (!IntersectProcedural(args->geometryUserPtr, args->primID, found->ray, hit)) return;
+      found->ray.tfar = hit.t, found->hit.u = hit.u, found->hit.v = hit.v;
+      found->hit.primID = args->primID, found->hit.geomID = args->geomID;
+      found->hit.instID[0] = args->context->instID[0];
+    });
+    rtcSetGeometryOccludedFunction(g, [](const RTCOccludedFunctionNArguments* args) {
+      if (args->valid[0] == 0) return;
+      auto* ray = reinterpret_cast<RTCRay*>(args->ray);
+      rb_hit hit;
+      if (IntersectProcedural(args->geometryUserPtr, args->primID, *ray, hit)) {
+        ray->tfar = -std::numeric_limits<float>::infinity();
+      }
+    });
+    Attach(g, kProcedural);
+  }
+
+  static bool IntersectProcedural(const void* user, unsigned prim, const RTCRay& ray, rb_hit& hit) {
+    const auto& geometry = *static_cast<const rb_geometry*>(user);
+    const rb_ray query{
+        {ray.org_x, ray.org_y, ray.org_z}, ray.tnear, {ray.dir_x, ray.dir_y, ray.dir_z}, ray.tfar};
+    constexpr uint32_t kFast = 0;
+    return geometry.procedural_intersect(geometry.procedural_user, prim, kFast, &query, &hit) != 0;
+  }
+
+  void Attach(RTCGeometry g, unsigned id) {
+    rtcCommitGeometry(g);
+    rtcAttachGeometryByID(scene_.get(), g, id);
+    rtcReleaseGeometry(g);
+  }
+
+  static bool CountMemory(void* self, ssize_t bytes, bool) {
+    auto& e = *static_cast<Embree*>(self);
+    const int64_t now = e.bytes_.fetch_add(bytes) + bytes;
+    return bytes <= 0 || e.limit_ == 0 || now <= int64_t(e.limit_);
+  }
+  static bool KeepGoing(void* self, double) {
+    const volatile int* cancel = static_cast<Embree*>(self)->cancel_;
+    return cancel == nullptr || *cancel == 0;
+  }
+
+  rb_geometry geometry_;
+  Config config_;
+  const volatile int* cancel_;
+  uint64_t limit_;
+  std::atomic<int64_t> bytes_{0};
+  Owned<RTCDevice> device_;
+  Owned<RTCScene> scene_;
+};
+
+}  // namespace
+
+RTCScene EmbreeSceneOf(const rb_tree* tree) { return reinterpret_cast<const Embree*>(tree)->scene(); }
+
+RAYBENCH_STRUCTURE(embree, Embree)
+
+}  // namespace raybench
