@@ -21,6 +21,17 @@ inline constexpr const char* kNumericsDoc =
     "arithmetic of the ray tests: fast (float, leaks at edges), watertight (float with double fallback, no "
     "leaks)";
 
+/// Vertex access for MayHit: corner, axis -> the coordinate of four triangles.
+struct Lanes {
+  const float (*v)[3][4];  ///< [corner][axis][lane]
+  Float4 operator()(int corner, int axis) const { return Load4(v[corner][axis]); }
+};
+/// The same for one triangle.
+struct Corners {
+  const Vec3f p[3];
+  float operator()(int corner, int axis) const { return p[corner][axis]; }
+};
+
 /// Candidate hit of one primitive, before the interval and the order are looked at.
 struct PrimHit {
   float t, u, v;
@@ -47,28 +58,23 @@ class FastTest {
 
   explicit FastTest(const rb_ray& ray) : org_(LoadVec3(ray.org)), dir_(LoadVec3(ray.dir)) {}
 
-  /// Lanes whose triangle may be hit; v[corner][axis].
-  template <class F>
-  unsigned MayHit(const F (&v)[3][3]) const {
-    const Terms<F> k = Compute(v);
-    return Mask(Inside(k));
-  }
+  /// Bit i: triangle i may be hit.
+  unsigned MayHit(Lanes v) const { return Mask(Inside(Compute<Float4>(v))); }
 
   bool Intersect(Vec3f p0, Vec3f p1, Vec3f p2, PrimHit& hit) const {
-    const float v[3][3] = {{p0.x, p0.y, p0.z}, {p1.x, p1.y, p1.z}, {p2.x, p2.y, p2.z}};
-    const Terms<float> k = Compute(v);
+    const Terms<float> k = Compute<float>(Corners{{p0, p1, p2}});
     if (!Inside(k)) return false;
     hit = {(k.e2[0] * k.q[0] + k.e2[1] * k.q[1] + k.e2[2] * k.q[2]) / k.det, k.u / k.det, k.v / k.det};
     return true;
   }
 
  private:
-  template <class F>
-  Terms<F> Compute(const F (&v)[3][3]) const {
+  template <class F, class Get>
+  Terms<F> Compute(Get v) const {
     Terms<F> k;
     F e1[3], s[3], p[3];
     for (int a = 0; a < 3; ++a)
-      e1[a] = v[1][a] - v[0][a], k.e2[a] = v[2][a] - v[0][a], s[a] = org_[a] - v[0][a];
+      e1[a] = v(1, a) - v(0, a), k.e2[a] = v(2, a) - v(0, a), s[a] = org_[a] - v(0, a);
     for (int a = 0; a < 3; ++a) {
       const int b = (a + 1) % 3, c = (a + 2) % 3;
       p[a] = dir_[b] * k.e2[c] - dir_[c] * k.e2[b];
@@ -101,18 +107,17 @@ class WatertightTest {
     sx_ = d[kx_] / d[kz_], sy_ = d[ky_] / d[kz_], sz_ = 1 / d[kz_];
   }
 
-  template <class F>
-  unsigned MayHit(const F (&v)[3][3]) const {
-    const Edges<F> e = Compute(v);
-    const F zero{};
+  /// Bit i: triangle i may be hit.
+  unsigned MayHit(Lanes v) const {
+    const Edges<Float4> e = Compute<Float4>(v);
+    const Float4 zero{};
     const auto negative = (e.u < zero) | (e.v < zero) | (e.w < zero);
     const auto positive = (e.u > zero) | (e.v > zero) | (e.w > zero);
-    return ~(Mask(negative & positive));
+    return ~Mask(negative & positive) & 15u;
   }
 
   bool Intersect(Vec3f p0, Vec3f p1, Vec3f p2, PrimHit& hit) const {
-    const float v[3][3] = {{p0.x, p0.y, p0.z}, {p1.x, p1.y, p1.z}, {p2.x, p2.y, p2.z}};
-    const Edges<float> e = Compute(v);
+    const Edges<float> e = Compute<float>(Corners{{p0, p1, p2}});
     if (e.u == 0 || e.v == 0 || e.w == 0) return Finish<double>(Again(e), e.z, hit);
     return Finish<float>(e, e.z, hit);
   }
@@ -125,13 +130,13 @@ class WatertightTest {
     F z[3];        // along the ray's main axis, relative to the origin
   };
 
-  template <class F>
-  Edges<F> Compute(const F (&p)[3][3]) const {
+  template <class F, class Get>
+  Edges<F> Compute(Get p) const {
     Edges<F> e;
     for (int i = 0; i < 3; ++i) {
-      e.z[i] = p[i][kz_] - org_[kz_];
-      e.x[i] = (p[i][kx_] - org_[kx_]) - sx_ * e.z[i];
-      e.y[i] = (p[i][ky_] - org_[ky_]) - sy_ * e.z[i];
+      e.z[i] = p(i, kz_) - org_[kz_];
+      e.x[i] = (p(i, kx_) - org_[kx_]) - sx_ * e.z[i];
+      e.y[i] = (p(i, ky_) - org_[ky_]) - sy_ * e.z[i];
     }
     e.u = e.x[2] * e.y[1] - e.y[2] * e.x[1];
     e.v = e.x[0] * e.y[2] - e.y[0] * e.x[2];

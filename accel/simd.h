@@ -6,7 +6,7 @@
 #include <cstring>
 
 #if defined(__SSE__)
-#include <xmmintrin.h>
+#include <immintrin.h>
 #endif
 
 namespace raybench {
@@ -38,6 +38,16 @@ inline Float4 MinOrSecond(Float4 a, Float4 b) {
 #endif
 }
 
+/// Lane i of the result is lane order[i] of v. Only {0,1,2,3} and {2,3,0,1} are used.
+inline Float4 Permute(Float4 v, Int4 order) {
+#if defined(__AVX__)
+  return _mm_permutevar_ps(v, __m128i(order));
+#else
+  const Float4 swapped = __builtin_shufflevector(v, v, 2, 3, 0, 1);
+  return order == Int4{0, 1, 2, 3} ? v : swapped;
+#endif
+}
+
 /// Bit i is set if lane i is true.
 inline unsigned Mask(Int4 v) {
 #if defined(__SSE__)
@@ -48,6 +58,5 @@ inline unsigned Mask(Int4 v) {
   return m;
 #endif
 }
-inline unsigned Mask(bool b) { return b; }
 
 }  // namespace raybench

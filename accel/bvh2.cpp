@@ -1,0 +1,85 @@
+#include "accel/bvh2.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <stdexcept>
+#include <vector>
+
+namespace raybench {
+
+Bvh2::Bvh2(const rb_geometry& geometry, const BinaryTree& tree) : geometry_(geometry) {
+  // First pass, in depth-first order: give nodes and leaf blocks their places.
+  struct Leaf {
+    uint32_t slot, block;
+  };
+  struct Pending {
+    uint32_t slot, parent, side, depth;
+  };
+  std::vector<Leaf> leaves;
+  std::vector<uint32_t> inner;  // slots
+  std::vector<uint32_t> refs;   // two children an inner node
+  uint32_t blocks = 0;
+  std::vector<Pending> stack{{0, kEmpty, 0, 0}};
+  while (!stack.empty()) {
+    const Pending p = stack.back();
+    stack.pop_back();
+    if (p.depth >= kMaxDepth) throw std::runtime_error("the tree is deeper than the traversal stack");
+    const BuildNode& node = tree.nodes[p.slot];
+    uint32_t ref;
+    if (node.count > 0) {
+      if (node.count > kMaxLeaf || blocks >= (1u << kBlockBits))
+        throw std::runtime_error("too many primitives");
+      ref = kLeaf | ((node.count - 1) << kBlockBits) | blocks;
+      leaves.push_back({p.slot, blocks});
+      blocks += (node.count + kLanes - 1) / kLanes;
+    } else {
+      ref = uint32_t(inner.size());
+      inner.push_back(p.slot);
+      refs.resize(2 * inner.size());
+      stack.push_back({node.right, ref, 1, p.depth + 1});
+      stack.push_back({p.slot + 1, ref, 0, p.depth + 1});
+    }
+    if (p.parent == kEmpty) {
+      root_ = ref;
+    } else {
+      refs[2 * p.parent + p.side] = ref;
+    }
+  }
+  const BuildNode& root = tree.nodes[0];
+  bounds_ = {LoadVec3(root.lo), LoadVec3(root.hi)};
+
+  // Second pass, in parallel: fill them.
+  nodes_ = HugeArray<Node>(inner.size());
+  blocks_ = HugeArray<Block>(blocks);
+  tbb::parallel_for(tbb::blocked_range<size_t>(0, inner.size(), 1024), [&](const auto& range) {
+    for (size_t i = range.begin(); i < range.end(); ++i) {
+      Node& node = nodes_[i];
+      const BuildNode& from = tree.nodes[inner[i]];
+      const BuildNode* children[2] = {&from + 1, &tree.nodes[from.right]};
+      for (int c = 0; c < 2; ++c) {
+        for (int a = 0; a < 3; ++a)
+          node.bounds[a][c] = children[c]->lo[a], node.bounds[a][c + 2] = children[c]->hi[a];
+        node.child[c] = refs[2 * i + size_t(c)];
+        node.unused[c] = 0;
+      }
+    }
+  });
+  tbb::parallel_for(tbb::blocked_range<size_t>(0, leaves.size(), 1024), [&](const auto& range) {
+    for (size_t i = range.begin(); i < range.end(); ++i) {
+      const BuildNode& leaf = tree.nodes[leaves[i].slot];
+      const uint32_t padded = (leaf.count + kLanes - 1) / kLanes * kLanes;
+      for (uint32_t k = 0; k < padded; ++k) {
+        const uint32_t prim = tree.order[leaf.first + std::min(k, leaf.count - 1)];
+        Block& block = blocks_[leaves[i].block + k / kLanes];
+        block.prim[k % kLanes] = prim;
+        for (int c = 0; c < 3; ++c) {
+          const Vec3f v = prim < geometry.triangle_count ? Vertex(geometry, prim, c) : Vec3f{0, 0, 0};
+          for (int a = 0; a < 3; ++a) block.v[c][a][k % kLanes] = v[a];
+        }
+      }
+    }
+  });
+}
+
+}  // namespace raybench
