@@ -64,6 +64,10 @@ class Bvh2 {
   };
   static_assert(sizeof(Block) == 160);
 
+  /// Where a child lies: asked for when it is pushed, since large trees are bound by memory.
+  const void* Address(uint32_t ref) const {
+    return (ref & kLeaf) != 0 ? static_cast<const void*>(&blocks_[FirstBlock(ref)]) : &nodes_[ref];
+  }
   static uint32_t LeafSize(uint32_t ref) { return ((ref >> kBlockBits) & 15u) + 1; }
   static uint32_t FirstBlock(uint32_t ref) { return ref & ((1u << kBlockBits) - 1); }
 
@@ -141,6 +145,7 @@ inline void Bvh2::Trace(const RayState<Test>& ray, rb_hit& best, Counter& counte
       const unsigned hit = Mask(gap <= Float4{}) & 3u;
       if (hit == 3) {
         const unsigned far = m[0] <= m[1];
+        __builtin_prefetch(Address(node.child[far]));
         stack[top++] = {node.child[far], far ? m[1] : m[0]};
         ref = node.child[far ^ 1];
       } else if (hit != 0) {

@@ -38,7 +38,7 @@ class BvhSah {
         {"leaf_size", "most primitives in a leaf", RB_INT, 0, offsetof(Config, leaf_size), 0, 1,
          double(Bvh2::kMaxLeaf), 8, nullptr},
         {"traversal_cost", "cost of a node in units of one leaf block of four primitives", RB_FLOAT, 0,
-         offsetof(Config, traversal_cost), 0, 0, 100, 0.5, nullptr}};
+         offsetof(Config, traversal_cost), 0, 0, 100, 1.5, nullptr}};
     return params;
   }
 
