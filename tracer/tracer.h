@@ -24,12 +24,15 @@ struct TraceOptions {
   uint32_t max_depth = 4;  ///< reflections and refractions in a row; 0: camera and shadow rays only
   uint32_t threads = 0;    ///< 0: all; the picture is the same at any number
   bool capture = false;    ///< freeze every batch
-  std::function<void(double fraction)> progress;
+  /// Camera rays traced together, in [1, 2^31): bounds the memory, changes no result.
+  uint32_t band_rays = 1u << 20;
+  std::function<void(double fraction)> progress = {};  ///< called from one thread at a time; rises to 1
 };
 
 struct TraceResult {
   Image image;
-  /// With `capture`: one set per kind and depth in the order traced (tiles of 8 x 8 pixels); empty ones left out.
+  /// With `capture`: one set per kind and depth in the order traced (tiles of 8 x 8 pixels); empty ones left
+  /// out.
   std::vector<RaySet> ray_sets;
   uint64_t camera_rays = 0, shadow_rays = 0, reflection_rays = 0, refraction_rays = 0;
 };
@@ -37,9 +40,10 @@ struct TraceResult {
 /// Renders the scene with its first camera.
 TraceResult Trace(const Scene& scene, const Tree& tree, const TraceOptions& options);
 
-/// Cosine-distributed rays from `count` seeded picks among the first hits of `camera` on `tree`; kind "diffuse",
-/// depth 1. Fewer than `count` only if nothing was hit (then empty).
-RaySet DiffuseBounce(const Scene& scene, const Tree& tree, const RaySet& camera, uint64_t count, uint64_t seed);
+/// Cosine-distributed rays from `count` seeded picks among the first hits of `camera` on `tree`; kind
+/// "diffuse", depth 1. Fewer than `count` only if nothing was hit (then empty).
+RaySet DiffuseBounce(const Scene& scene, const Tree& tree, const RaySet& camera, uint64_t count,
+                     uint64_t seed);
 
 /// Runs the query in chunks over at most `threads` oneTBB threads (0: all); results as from one call.
 void QueryParallel(const Tree& tree, const rb_query& query, uint32_t threads);
