@@ -1,0 +1,143 @@
+"""Reads and checks the files of a run."""
+
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+SAMPLE_TEXT = ["case_id", "scene", "structure", "spec", "ray_set", "query"]
+SAMPLE_NUMBERS = ["threads", "sample", "sequence", "passes", "rays", "seconds", "cpu_seconds"]
+CASE_TEXT = [
+    "case_id", "scene", "scene_hash", "structure", "spec", "params", "ray_set", "ray_hash", "query", "order", "status",
+    "note", "claim", "oracle",
+]  # fmt: skip
+VERDICTS = [
+    "exact", "tie", "neighbour", "leak", "wrong", "wrong_marginal", "false_miss", "false_miss_marginal", "false_hit",
+    "false_hit_marginal",
+]  # fmt: skip
+CASE_NUMBERS = [
+    "primitives", "rays", "threads", "seed", "verified", *VERDICTS, "t_error_p50", "t_error_p99", "t_error_max", "hits",
+    "steps", "leaves", "empty_leaves", "bounds", "prims", "bytes", "inner_nodes", "leaf_nodes", "empty_leaf_nodes",
+    "references", "depth", "sah_cost", "node_bytes", "prim_bytes", "needs_geometry", "samples", "build_peak_bytes",
+    "cold_ns", "median_ns", "lo_ns", "hi_ns", "rate",
+]  # fmt: skip
+
+# The structure that always misses: what it costs is the harness's own cost.
+NULL = "null"
+
+
+class RunError(Exception):
+    """The directory does not hold a run that can be drawn; one line that says why."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run as read. NaN means not available. `cases` has these columns besides those of cases.csv:
+
+    label        scene as shown: without its folders where that is unambiguous
+    rays_label   ray set as shown: with its order where shuffled, and with its query where any hit ends it
+    errors       share of the verified rays answered wrongly: leak, wrong, false_miss, false_hit; marginal ones do
+                 not count
+    """
+
+    directory: Path
+    cases: pd.DataFrame
+    samples: pd.DataFrame
+    info: dict
+
+    @property
+    def builds(self):
+        """Build cases."""
+        return self.cases[self.cases["query"] == "build"]
+
+    @property
+    def queries(self):
+        """Cases that trace rays."""
+        return self.cases[self.cases["query"] != "build"]
+
+    @property
+    def specs(self):
+        """Structures as labelled, but for `null`, sorted."""
+        return sorted(self.cases.loc[self.cases["structure"] != NULL, "spec"].unique())
+
+    @property
+    def scenes(self):
+        """Scenes as shown, in the order of the file."""
+        return list(self.cases["label"].unique())
+
+
+def read(directory):
+    """Reads DIR/cases.csv, samples.csv and run.json. Throws RunError."""
+    directory = Path(directory)
+    if not directory.is_dir():
+        raise RunError(f"{directory}: no such directory")
+    cases = _read_csv(directory / "cases.csv", CASE_TEXT, CASE_NUMBERS)
+    samples = _read_csv(directory / "samples.csv", SAMPLE_TEXT, SAMPLE_NUMBERS)
+    info = _read_json(directory / "run.json")
+    if not (timed(cases)["structure"] != NULL).any():
+        raise RunError(f"{directory / 'cases.csv'}: nothing timed, so there is nothing to draw")
+    return Run(directory, _with_labels(cases), samples, info)
+
+
+def timed(cases):
+    """The cases that have a time."""
+    return cases[(cases["status"] == "timed") & cases["median_ns"].notna()]
+
+
+def write_atomically(path, write):
+    """Calls write(temporary path of the same suffix), then renames it to `path`."""
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+    try:
+        write(temporary)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _read_csv(path, text, numbers):
+    if not path.is_file():
+        raise RunError(f"{path}: missing; is this what `raybench run --out DIR` wrote?")
+    try:
+        # only the empty field is "not available": pandas would take the structure named null for it too
+        table = pd.read_csv(path, dtype=str, keep_default_na=False, na_values=[""])
+    except (ValueError, UnicodeDecodeError) as error:  # pandas' own errors are ValueErrors
+        raise RunError(f"{path}: not a CSV table: {' '.join(str(error).split())}") from None
+    absent = [column for column in [*text, *numbers] if column not in table.columns]
+    if absent:
+        raise RunError(f"{path}: missing columns: {', '.join(absent)}")
+    for column in numbers:
+        values = pd.to_numeric(table[column], errors="coerce")
+        bad = table.index[values.isna() & table[column].notna()]
+        if len(bad):
+            raise RunError(f"{path}: line {bad[0] + 2}, column {column}: '{table.at[bad[0], column]}' is not a number")
+        table[column] = values
+    table[text] = table[text].fillna("")
+    return table
+
+
+def _read_json(path):
+    try:
+        info = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise RunError(f"{path}: missing; is this what `raybench run --out DIR` wrote?") from None
+    except ValueError as error:
+        raise RunError(f"{path}: not JSON: {error}") from None
+    if not isinstance(info, dict):
+        raise RunError(f"{path}: not a JSON object")
+    return info
+
+
+def _with_labels(cases):
+    names = cases["scene"].unique()
+    short = {name: os.path.basename(name) if "(" not in name else name for name in names}
+    unique = len(set(short.values())) == len(names)
+    order = cases["order"].map({"shuffled": ", shuffled"}).fillna("")
+    query = cases["query"].map({"any": " (any hit)"}).fillna("")
+    return cases.assign(
+        label=cases["scene"].map(short) if unique else cases["scene"],
+        rays_label=cases["ray_set"] + order + query,
+        errors=cases[["leak", "wrong", "false_miss", "false_hit"]].sum(axis=1, min_count=4)
+        / cases["verified"].where(cases["verified"] > 0),
+    )
