@@ -19,8 +19,9 @@ enum class Feature : uint8_t { kInterior, kEdge, kVertex };
 /// What is exactly true of one ray over its interval (tnear, tfar].
 struct Truth {
   bool hit = false;
-  bool coplanar = false;  ///< the ray lies in the plane of a triangle it meets: hit and miss are both right for it
-  double t = 0;           ///< exact t of the nearest hit, rounded to double
+  bool coplanar = false;  ///< the ray lies in the plane of a triangle it meets: hit and miss are both right for it;
+                          ///< such a triangle is never in `tied`
+  double t = 0;           ///< exact t of the nearest hit, rounded to double (Exact() oracles)
   std::vector<uint32_t> tied;  ///< every primitive hit at exactly that t, ascending; empty on a miss
   Feature feature = Feature::kInterior;  ///< where the lowest of them is hit
 };
@@ -61,7 +62,8 @@ class Oracle {
   virtual bool Exact() const = 0;
 };
 
-/// Exact oracle over CGAL's AABB tree for triangle scenes. Null when the build has no CGAL.
+/// Exact oracle over CGAL's AABB tree. Null when the build has no CGAL or the scene has procedural primitives.
+/// The scene must outlive any oracle, unmoved.
 std::unique_ptr<Oracle> MakeCgalOracle(const Scene& scene);
 /// Brute force in double over triangles and procedural primitives: O(rays x primitives).
 std::unique_ptr<Oracle> MakeDoubleOracle(const Scene& scene);

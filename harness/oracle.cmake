@@ -1,0 +1,12 @@
+# raybench_verdict: verdicts, aimed rays, the oracle in double; no CGAL.
+# raybench_oracle: the exact oracle. CGAL is linked privately: its target forces -frounding-math on whoever links it.
+add_library(raybench_verdict STATIC verdict.cpp oracle_double.cpp aimed.cpp)
+target_link_libraries(raybench_verdict PUBLIC raybench_tracer PRIVATE raybench_flags TBB::tbb)
+
+if(RAYBENCH_WITH_CGAL)
+  find_package(CGAL 5.5 CONFIG REQUIRED)
+  add_library(raybench_oracle STATIC oracle_cgal.cpp)
+  target_link_libraries(raybench_oracle PRIVATE raybench_verdict raybench_flags CGAL::CGAL)
+  target_link_libraries(raybench_verdict PRIVATE raybench_oracle)
+  target_compile_definitions(raybench_verdict PRIVATE RAYBENCH_HAS_CGAL)
+endif()

@@ -1,0 +1,88 @@
+// Private to the oracles: what they share to judge answers. The rules stand at the top of verdict.cpp.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <vector>
+
+#include "harness/oracle.h"
+
+namespace raybench {
+
+/// Which triangles meet at a vertex *position*. Coincident triangles (the same three positions) count once.
+class Adjacency {
+ public:
+  explicit Adjacency(const Scene& scene);
+
+  using Corners = std::array<uint32_t, 3>;  ///< position ids: the same number for bit-identical positions
+  Corners CornersOf(uint32_t triangle) const;
+  /// Distinct triangles around a position, each by its lowest id.
+  std::span<const uint32_t> Around(uint32_t position) const {
+    return {fan_.data() + first_[position], first_[position + 1] - first_[position]};
+  }
+  /// Lowest id among the triangles that coincide with this one.
+  uint32_t Representative(uint32_t triangle) const { return representative_[triangle]; }
+
+ private:
+  const Scene& scene_;
+  std::vector<uint32_t> position_;  // vertex -> position id
+  std::vector<uint32_t> representative_;
+  std::vector<uint32_t> first_, fan_;
+};
+
+/// A primitive that the ray truly meets.
+struct TrueHit {
+  uint32_t prim;
+  double t;
+};
+
+/// One ray against one primitive as float tests may see it.
+struct Appraisal {
+  bool possible = false;      ///< some rounding within the bound makes the ray meet it, at any t
+  bool grazing = false;       ///< sphere: some rounding within the bound makes the ray miss it
+  double t = 0, t_error = 0;  ///< a float test answers t +- t_error (or 8 ulp, whichever is more)
+};
+
+/// An oracle that can list true hits and near misses; judging follows from these.
+class JudgingOracle : public Oracle {
+ public:
+  explicit JudgingOracle(const Scene& scene) : scene_(scene), adjacency_(scene) {}
+
+  Verdict Judge(const rb_ray& ray, const Truth& truth, const rb_hit& answer) const final;
+  Verdict JudgeAny(const rb_ray& ray, const Truth& truth, bool occluded) const final;
+
+ protected:
+  /// Every primitive met at t in (tnear, tfar], in any order; triangles in whose plane the ray lies left out.
+  virtual std::vector<TrueHit> AllHits(const rb_ray& ray) const = 0;
+  /// True if `accept` holds for some primitive whose bounds, widened by the float tests' error, the ray's
+  /// whole line meets.
+  virtual bool AnyNear(const rb_ray& ray, const std::function<bool(uint32_t prim)>& accept) const = 0;
+
+  const Scene& scene_;
+  const Adjacency adjacency_;
+
+ private:
+  enum class Excuse { kMarginal, kPlain, kLeak };
+  /// What it means that an answer ignores this hit.
+  Excuse Passed(const rb_ray& ray, const TrueHit& hit) const;
+  /// The worst of all hits in front of the answer (null: a miss).
+  Excuse PassedBefore(const rb_ray& ray, const rb_hit* answer) const;
+  /// `root`: 0 or 1, spheres only.
+  Appraisal Appraise(const rb_ray& ray, uint32_t prim, int root) const;
+  /// The root nearer to t.
+  Appraisal AppraiseAt(const rb_ray& ray, uint32_t prim, double t) const;
+  /// The two t are the same within the errors.
+  bool Agree(const rb_ray& ray, const TrueHit& hit, const rb_hit& answer) const;
+  bool SharesVertex(uint32_t prim, const std::vector<uint32_t>& others) const;
+  bool AcceptedInPlane(const rb_ray& ray, const rb_hit& answer) const;
+};
+
+/// 8 ulp of float at |t|, the least tolerance of any comparison of t.
+double EightUlp(double t);
+
+/// body(0) ... body(count - 1) over at most `threads` threads (0: all), in IEEE floating-point state.
+void ParallelFor(size_t count, uint32_t threads, const std::function<void(size_t)>& body);
+
+}  // namespace raybench
