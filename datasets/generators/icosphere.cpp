@@ -1,0 +1,52 @@
+// A closed sphere mesh with nothing special about any coordinate: the subject of edge- and vertex-aimed rays.
+
+#include <cstddef>
+
+#include "datasets/generators/generators.h"
+#include "datasets/random.h"
+
+namespace raybench {
+namespace {
+
+struct Config {
+  int64_t level;
+};
+
+const rb_param kParams[] = {
+    {"level", "20 * 4^level triangles: 81,920 at 6, 1,310,720 at 8", RB_INT, 0, offsetof(Config, level), 0, 0,
+     11, 6, nullptr},
+};
+
+Scene Generate(const void* config, uint64_t seed) {
+  const Config& c = *static_cast<const Config*>(config);
+  Scene scene;
+  scene.provenance.source = "icosphere";
+  Mesh mesh = GeodesicSphere(1u << c.level);
+  // A random rotation takes the vertices off the coordinate planes: x, then y and z perpendicular to it.
+  Random random(seed);
+  Vec3d x = random.UnitVector(), y, z;
+  do z = Cross(x, random.UnitVector());
+  while (Dot(z, z) < 0.01);
+  z = Normalize(z), y = Cross(z, x);
+  for (Vec3d& p : mesh.positions) p = x * p.x + y * p.y + z * p.z;
+
+  Material shiny;
+  shiny.name = "sphere";
+  shiny.diffuse = {0.6f, 0.65f, 0.75f}, shiny.specular = {0.4f, 0.4f, 0.4f};
+  Append(scene, mesh, AddMaterial(scene, shiny));
+  scene.Finish();
+  return scene;
+}
+
+}  // namespace
+
+const Generator kIcosphereGenerator = {
+    "icosphere",
+    "closed unit sphere of 20 * 4^level triangles, rotated off the axes by the seed",
+    "geodesic sphere (Fuller)",
+    kParams,
+    std::size(kParams),
+    sizeof(Config),
+    Generate};
+
+}  // namespace raybench

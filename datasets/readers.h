@@ -1,0 +1,25 @@
+// The file readers behind LoadScene(). Each returns a filled scene on which Finish() has not run yet, and
+// throws InputError with one line that begins with the path.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "datasets/scene.h"
+
+namespace raybench {
+
+/// Wavefront OBJ with its MTL files, through OpenMesh. Each `f` line is one face; n-gons become fans.
+Scene ReadObj(const std::filesystem::path& path, const LoadOptions& options);
+/// ASCII OFF (also COFF, NOFF, STOFF), through OpenMesh.
+Scene ReadOff(const std::filesystem::path& path, const LoadOptions& options);
+/// glTF 2.0, .gltf or .glb, through tinygltf: the default scene with its node hierarchy flattened.
+Scene ReadGltf(const std::filesystem::path& path, const LoadOptions& options);
+
+/// The whole file. Throws InputError: missing, a directory, empty, unreadable.
+std::string ReadFile(const std::filesystem::path& path);
+
+/// Text in one line: line breaks become "; ", control characters and runs of blanks become one blank.
+std::string OneLine(const std::string& text);
+
+}  // namespace raybench

@@ -1,0 +1,415 @@
+// How a scene gets into the state that the plugin contract promises: finite, in range, no degenerate
+// triangle.
+
+#include "datasets/scene.h"
+
+#include <fmt/format.h>
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+#include <tbb/parallel_reduce.h>
+
+#include <cmath>
+#include <cstring>
+#include <numeric>
+#include <stdexcept>
+
+#include "datasets/hash.h"
+
+namespace raybench {
+
+namespace {
+
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+constexpr float kMaxFloat = std::numeric_limits<float>::max();
+constexpr size_t kGrain = 1 << 14;
+
+// --- Exact collinearity
+// ------------------------------------------------------------------------------------- Error-free
+// transformations (Dekker 1971, Knuth 1969) and expansions (Shewchuk 1997). Differences of floats and
+// products of two such differences lie between 2^-298 and 2^260, so nothing over- or underflows in double.
+
+struct TwoTerms {
+  double high, low;  // exact value: high + low, |low| <= ulp(high) / 2
+};
+
+TwoTerms TwoSum(double a, double b) {
+  double sum = a + b, b_part = sum - a, a_part = sum - b_part;
+  return {sum, (a - a_part) + (b - b_part)};
+}
+
+TwoTerms TwoProduct(double a, double b) {
+  double product = a * b;
+  return {product, std::fma(a, b, -product)};
+}
+
+/// A sum of doubles kept without error; it is zero only if every component is.
+class Expansion {
+ public:
+  void Add(double term) {
+    for (int i = 0; i < size_; ++i) {
+      TwoTerms t = TwoSum(term, parts_[i]);
+      parts_[i] = t.low, term = t.high;
+    }
+    parts_[size_++] = term;
+  }
+  void AddProduct(TwoTerms a, TwoTerms b, double sign) {
+    for (double x : {a.high, a.low})
+      for (double y : {b.high, b.low}) {
+        TwoTerms p = TwoProduct(x, y);
+        Add(sign * p.high), Add(sign * p.low);
+      }
+  }
+  bool IsZero() const {
+    return std::all_of(parts_, parts_ + size_, [](double part) { return part == 0; });
+  }
+
+ private:
+  double parts_[16];
+  int size_ = 0;
+};
+
+}  // namespace
+
+bool IsDegenerate(Vec3f a, Vec3f b, Vec3f c) {
+  Vec3d u = ToDouble(b) - ToDouble(a), v = ToDouble(c) - ToDouble(a);
+  // Filter: each difference, product and sum is off by at most 2^-53 of itself, 4 * 2^-53 of `scale` in all.
+  for (int i = 0; i < 3; ++i) {
+    int j = (i + 1) % 3, k = (i + 2) % 3;
+    double p = u[j] * v[k], q = u[k] * v[j];
+    if (std::abs(p - q) > 0x1p-50 * (std::abs(p) + std::abs(q))) return false;
+  }
+  TwoTerms eu[3], ev[3];
+  for (int i = 0; i < 3; ++i) {
+    eu[i] = TwoSum(b[i], -double(a[i]));
+    ev[i] = TwoSum(c[i], -double(a[i]));
+  }
+  for (int i = 0; i < 3; ++i) {
+    int j = (i + 1) % 3, k = (i + 2) % 3;
+    Expansion determinant;
+    determinant.AddProduct(eu[j], ev[k], 1);
+    determinant.AddProduct(eu[k], ev[j], -1);
+    if (!determinant.IsZero()) return false;
+  }
+  return true;
+}
+
+namespace {
+
+bool IsFinite(Vec3f v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
+
+std::string Text(Vec3f v) { return fmt::format("({}, {}, {})", v.x, v.y, v.z); }
+
+float MaxAbs(Vec3f v) { return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)}); }
+
+/// Index of the first of n items that is bad, or n. In parallel, yet always the first.
+template <class IsBad>
+size_t FindFirst(size_t n, const IsBad& is_bad) {
+  return tbb::parallel_reduce(
+      tbb::blocked_range<size_t>(0, n, kGrain), n,
+      [&](const tbb::blocked_range<size_t>& range, size_t found) {
+        for (size_t i = range.begin(); i < std::min(range.end(), found); ++i)
+          if (is_bad(i)) return i;
+        return found;
+      },
+      [](size_t a, size_t b) { return std::min(a, b); });
+}
+
+template <class Body>
+void ForEach(size_t n, const Body& body) {
+  tbb::parallel_for(tbb::blocked_range<size_t>(0, n, kGrain), [&](const tbb::blocked_range<size_t>& range) {
+    for (size_t i = range.begin(); i < range.end(); ++i) body(i);
+  });
+}
+
+/// Times 2^exponent; `exact` is cleared if a bit was lost.
+float Scaled(float value, int exponent, bool& exact) {
+  float scaled = std::ldexp(value, exponent);
+  if (std::ldexp(scaled, -exponent) != value) exact = false;
+  return scaled;
+}
+
+Vec3f Scaled(Vec3f v, int exponent, bool& exact) {
+  return {Scaled(v.x, exponent, exact), Scaled(v.y, exponent, exact), Scaled(v.z, exponent, exact)};
+}
+
+/// Times 2^exponent, as near as float gets: for what need not be exact (cameras, lights).
+Vec3f Saturated(Vec3f v, int exponent) {
+  bool exact = true;
+  v = Scaled(v, exponent, exact);
+  return Min(Max(v, Vec3f{-kMaxFloat, -kMaxFloat, -kMaxFloat}), Vec3f{kMaxFloat, kMaxFloat, kMaxFloat});
+}
+
+float RoundedDown(double x) {
+  float f = float(x);
+  return f > x ? std::nextafter(f, -kInfinity) : f;
+}
+
+float RoundedUp(double x) { return -RoundedDown(-x); }
+
+Bounds3 BoundsOf(const Sphere& sphere) {
+  Vec3d center = ToDouble(sphere.center);
+  double r = sphere.radius;
+  return {{RoundedDown(center.x - r), RoundedDown(center.y - r), RoundedDown(center.z - r)},
+          {RoundedUp(center.x + r), RoundedUp(center.y + r), RoundedUp(center.z + r)}};
+}
+
+/// Three-quarter view from the front, above and to the right (y is up), just far enough to show the whole box
+/// in a square picture.
+Camera AutomaticCamera(const Bounds3& bounds) {
+  Camera camera;
+  camera.tan_half_fov = 0.41421356f;  // 45 degrees
+  if (bounds.Empty()) {
+    camera.eye = {0, 0, 3}, camera.at = {0, 0, 0};
+    return camera;
+  }
+  Vec3d lo = ToDouble(bounds.lo), hi = ToDouble(bounds.hi), center = (lo + hi) * 0.5;
+  Vec3d back = Normalize(Vec3d{0.5, 0.4, 0.8}), right = Normalize(Cross(Vec3d{0, 1, 0}, back)),
+        up = Cross(back, right);
+  double distance = 0;
+  for (int corner = 0; corner < 8; ++corner) {
+    Vec3d p = Vec3d{corner & 1 ? hi.x : lo.x, corner & 2 ? hi.y : lo.y, corner & 4 ? hi.z : lo.z} - center;
+    double aside = std::max(std::abs(Dot(p, right)), std::abs(Dot(p, up)));
+    distance = std::max(distance, Dot(p, back) + aside / camera.tan_half_fov);
+  }
+  distance *= 1.03;
+  camera.at = ToFloat(center);
+  // Far from the origin a small scene's distance may vanish in rounding.
+  do camera.eye = ToFloat(center + back * distance), distance *= 2;
+  while (camera.eye == camera.at);
+  return camera;
+}
+
+/// A key light over the camera's left shoulder and a weaker fill light from its right, both outside the
+/// bounds.
+std::vector<PointLight> AutomaticLights(const Bounds3& bounds, const Camera& camera) {
+  Vec3d at = ToDouble(camera.at), back = ToDouble(camera.eye) - at;
+  Vec3d up = ToDouble(camera.up), side = Cross(up, back);
+  if (Dot(side, side) == 0) side = Cross(Vec3d{0.6, 0, 0.8}, back);
+  side = Normalize(side), back = Normalize(back), up = Cross(back, side);
+  double radius = 1;
+  if (!bounds.Empty()) {
+    at = (ToDouble(bounds.lo) + ToDouble(bounds.hi)) * 0.5;
+    radius = Length(ToDouble(bounds.hi) - ToDouble(bounds.lo)) / 2;
+  }
+  auto light = [&](Vec3d direction, float intensity) {
+    return PointLight{ToFloat(at + Normalize(direction) * (4 * radius)), Vec3f{1, 1, 1} * intensity, false};
+  };
+  return {light(back + up * 1.2 - side * 0.7, 0.75f), light(back * 0.6 + up * 0.3 + side, 0.3f)};
+}
+
+void SphereBounds(const void* user, uint64_t i, float lo[3], float hi[3]) {
+  Bounds3 bounds = BoundsOf(static_cast<const Scene*>(user)->spheres[i]);
+  for (int k = 0; k < 3; ++k) lo[k] = bounds.lo[k], hi[k] = bounds.hi[k];
+}
+
+/// In double, with the discriminant from the distance of the centre to the line and the roots from the
+/// product form, so that neither small far spheres nor large near ones cancel (Hearn and Baker 2004; Haines
+/// et al. 2019). Spheres carry no surface parameters: u = v = 0.
+int IntersectSphere(const void* user, uint64_t i, uint32_t /*numerics*/, const rb_ray* ray, rb_hit* hit) {
+  const Sphere& sphere = static_cast<const Scene*>(user)->spheres[i];
+  Vec3d d = ToDouble(LoadVec3(ray->dir)), f = ToDouble(LoadVec3(ray->org)) - ToDouble(sphere.center);
+  double r2 = double(sphere.radius) * sphere.radius, a = Dot(d, d), b = -Dot(f, d);
+  Vec3d nearest = f + d * (b / a);
+  double discriminant = r2 - Dot(nearest, nearest);
+  if (!(discriminant >= 0)) return 0;
+  double q = b + std::copysign(std::sqrt(a * discriminant), b);
+  double t0 = q / a, t1 = q == 0 ? t0 : (Dot(f, f) - r2) / q;
+  if (t0 > t1) std::swap(t0, t1);
+  for (double root : {t0, t1}) {
+    float t = float(root);
+    if (t > ray->tnear && t <= ray->tfar && t < kInfinity) {
+      hit->t = t, hit->u = 0, hit->v = 0;
+      return 1;
+    }
+  }
+  return 0;
+}
+
+}  // namespace
+
+void Scene::Finish(bool drop_bad) {
+  const std::string& file = provenance.source;
+  auto fail = [&](const std::string& what) { throw InputError(file + ": " + what); };
+
+  if (materials.empty()) materials.emplace_back().name = "default";
+  if (triangle_material.empty()) triangle_material.resize(triangles.size());
+  if (sphere_material.empty()) sphere_material.resize(spheres.size());
+  if (triangle_face.empty()) {
+    triangle_face.resize(triangles.size());
+    std::iota(triangle_face.begin(), triangle_face.end(), 0u);
+  }
+  if (triangle_material.size() != triangles.size() || triangle_face.size() != triangles.size() ||
+      sphere_material.size() != spheres.size())
+    throw std::logic_error("Scene::Finish: one material and one face id is needed for each primitive");
+  if (positions.size() >= RAYBENCH_NONE || primitive_count() >= RAYBENCH_NONE)
+    fail(fmt::format("{} vertices and {} primitives; fewer than {} of each are allowed", positions.size(),
+                     primitive_count(), RAYBENCH_NONE));
+
+  // Triangles: 0 stays, 1 is bad, 2 is degenerate.
+  if (!drop_bad) {
+    if (size_t i = FindFirst(positions.size(), [&](size_t k) { return !IsFinite(positions[k]); });
+        i < positions.size())
+      fail(fmt::format("vertex {} is {}; coordinates must be finite", i, Text(positions[i])));
+  }
+  std::vector<uint8_t> state(triangles.size());
+  ForEach(triangles.size(), [&](size_t i) {
+    const std::array<uint32_t, 3>& t = triangles[i];
+    for (uint32_t v : t)
+      if (v >= positions.size() || !IsFinite(positions[v])) state[i] = 1;
+    if (state[i] == 0 && IsDegenerate(positions[t[0]], positions[t[1]], positions[t[2]])) state[i] = 2;
+  });
+  if (!drop_bad) {
+    if (size_t i = FindFirst(triangles.size(), [&](size_t k) { return state[k] == 1; });
+        i < triangles.size()) {
+      const std::array<uint32_t, 3>& t = triangles[i];
+      fail(fmt::format("face {} refers to vertices {}, {}, {}; allowed are 0 to {}", triangle_face[i], t[0],
+                       t[1], t[2], int64_t(positions.size()) - 1));
+    }
+  }
+  size_t kept = 0;
+  for (size_t i = 0; i < triangles.size(); ++i) {
+    if (triangle_material[i] >= materials.size())
+      fail(fmt::format("face {} has material {}; there are {}", triangle_face[i], triangle_material[i],
+                       materials.size()));
+    stats.dropped_triangles += state[i] == 1;
+    stats.degenerate_triangles += state[i] == 2;
+    if (state[i] != 0) continue;
+    triangles[kept] = triangles[i];
+    triangle_material[kept] = triangle_material[i];
+    triangle_face[kept++] = triangle_face[i];
+  }
+  triangles.resize(kept), triangle_material.resize(kept), triangle_face.resize(kept);
+
+  kept = 0;
+  for (size_t i = 0; i < spheres.size(); ++i) {
+    const Sphere& s = spheres[i];
+    if (sphere_material[i] >= materials.size())
+      fail(fmt::format("sphere {} has material {}; there are {}", i, sphere_material[i], materials.size()));
+    if (!IsFinite(s.center) || !(s.radius > 0) || !(double(MaxAbs(s.center)) + s.radius <= kMaxFloat)) {
+      if (!drop_bad)
+        fail(fmt::format("sphere {} has centre {} and radius {}; it must be finite and larger than 0", i,
+                         Text(s.center), s.radius));
+      ++stats.dropped_triangles;
+      continue;
+    }
+    spheres[kept] = s, sphere_material[kept++] = sphere_material[i];
+  }
+  spheres.resize(kept), sphere_material.resize(kept);
+
+  // Vertices that no triangle uses must not decide about bounds and scale; at 0 they are in anybody's range.
+  std::vector<uint8_t> used(positions.size());
+  for (const std::array<uint32_t, 3>& t : triangles)
+    for (uint32_t v : t) used[v] = 1;
+  for (size_t i = 0; i < positions.size(); ++i)
+    if (!used[i]) positions[i] = {0, 0, 0};
+
+  double largest = tbb::parallel_reduce(
+      tbb::blocked_range<size_t>(0, positions.size(), kGrain), 0.0,
+      [&](const tbb::blocked_range<size_t>& range, double m) {
+        for (size_t i = range.begin(); i < range.end(); ++i) m = std::max(m, double(MaxAbs(positions[i])));
+        return m;
+      },
+      [](double a, double b) { return std::max(a, b); });
+  for (const Sphere& s : spheres) largest = std::max(largest, double(MaxAbs(s.center)) + s.radius);
+
+  for (size_t i = 0; i < cameras.size(); ++i) {
+    const Camera& c = cameras[i];
+    Vec3d forward = ToDouble(c.at) - ToDouble(c.eye), side = Cross(forward, ToDouble(c.up));
+    if (!IsFinite(c.eye) || !IsFinite(c.at) || !IsFinite(c.up) || !(Dot(side, side) > 0) ||
+        !(c.tan_half_fov > 0) || !std::isfinite(c.tan_half_fov))
+      fail(fmt::format("camera {} is not usable: eye {}, at {}, up {}, tan(fov/2) {}", i, Text(c.eye),
+                       Text(c.at), Text(c.up), c.tan_half_fov));
+  }
+  for (size_t i = 0; i < lights.size(); ++i)
+    if (!IsFinite(lights[i].position) || !IsFinite(lights[i].intensity))
+      fail(fmt::format("light {} is not finite: position {}, intensity {}", i, Text(lights[i].position),
+                       Text(lights[i].intensity)));
+
+  if (largest > 0 && !(largest >= 0x1p-30 && largest <= 0x1p30)) {
+    int exponent = -std::ilogb(largest);  // brings the largest coordinate into [1, 2)
+    std::vector<uint8_t> inexact(positions.size());
+    ForEach(positions.size(), [&](size_t i) {
+      bool exact = true;
+      Vec3f scaled = Scaled(positions[i], exponent, exact);
+      if (exact) positions[i] = scaled;
+      inexact[i] = !exact;
+    });
+    if (size_t i = FindFirst(positions.size(), [&](size_t k) { return inexact[k] != 0; });
+        i < positions.size())
+      fail(fmt::format(
+          "vertex {} is {}, too small beside the largest coordinate {} to be rescaled without loss", i,
+          Text(positions[i]), largest));
+    for (size_t i = 0; i < spheres.size(); ++i) {
+      bool exact = true;
+      Sphere scaled{Scaled(spheres[i].center, exponent, exact), Scaled(spheres[i].radius, exponent, exact)};
+      if (!exact)
+        fail(
+            fmt::format("sphere {} is too small beside the largest coordinate {} to be rescaled without loss",
+                        i, largest));
+      spheres[i] = scaled;
+    }
+    for (Camera& c : cameras) c.eye = Saturated(c.eye, exponent), c.at = Saturated(c.at, exponent);
+    for (PointLight& l : lights) {
+      l.position = Saturated(l.position, exponent);
+      if (l.falloff) l.intensity = Saturated(l.intensity, 2 * exponent);
+    }
+    scale_exponent += exponent;
+  }
+
+  bounds_ = tbb::parallel_reduce(
+      tbb::blocked_range<size_t>(0, triangles.size(), kGrain), Bounds3{},
+      [&](const tbb::blocked_range<size_t>& range, Bounds3 b) {
+        for (size_t i = range.begin(); i < range.end(); ++i)
+          for (uint32_t v : triangles[i]) b.Extend(positions[v]);
+        return b;
+      },
+      [](Bounds3 a, const Bounds3& b) { return a.Extend(b), a; });
+  for (const Sphere& s : spheres) bounds_.Extend(BoundsOf(s));
+
+  if (cameras.empty()) {
+    cameras.push_back(AutomaticCamera(bounds_));
+    automatic_camera = true;
+  }
+  if (lights.empty()) {
+    lights = AutomaticLights(bounds_, cameras.front());
+    automatic_lights = true;
+  }
+
+  Hash64 hash;
+  hash.AddValue(uint64_t{positions.size()});
+  hash.AddValue(uint64_t{triangles.size()});
+  hash.AddValue(uint64_t{spheres.size()});
+  hash.Add(positions.data(), positions.size() * sizeof(Vec3f));
+  hash.Add(triangles.data(), triangles.size() * sizeof triangles[0]);
+  hash.Add(spheres.data(), spheres.size() * sizeof(Sphere));
+  hash_ = hash.Hex();
+
+  // The contract's 16 readable bytes after the last position.
+  positions.reserve(positions.size() + 2);
+  std::memset(static_cast<void*>(positions.data() + positions.size()), 0, 2 * sizeof(Vec3f));
+}
+
+rb_geometry Scene::Geometry() const {
+  if (positions.capacity() < positions.size() + 2)
+    throw std::logic_error("Scene::Geometry: Finish() has not run on this scene (or on this copy of it)");
+  rb_geometry g{};
+  g.struct_size = sizeof g;
+  g.positions = reinterpret_cast<const float(*)[3]>(positions.data());
+  g.vertex_count = positions.size();
+  g.triangles = reinterpret_cast<const uint32_t(*)[3]>(triangles.data());
+  g.triangle_count = triangles.size();
+  g.procedural_count = spheres.size();
+  g.procedural_bounds = SphereBounds;
+  g.procedural_intersect = IntersectSphere;
+  g.procedural_user = this;
+  return g;
+}
+
+Vec3d Scene::GeometricNormal(uint32_t prim, Vec3d point) const {
+  if (prim >= triangles.size()) return point - ToDouble(spheres[prim - triangles.size()].center);
+  const std::array<uint32_t, 3>& t = triangles[prim];
+  Vec3d a = ToDouble(positions[t[0]]);
+  return Cross(ToDouble(positions[t[1]]) - a, ToDouble(positions[t[2]]) - a);
+}
+
+}  // namespace raybench
