@@ -1,0 +1,77 @@
+// Times, with Google Benchmark as the engine: benchmarks are registered at run time, all trees of a scene in
+// one group, whose repetitions the engine interleaves at random.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+namespace raybench {
+
+/// Both clocks over the same stretch of work, in seconds.
+struct Seconds {
+  double wall = 0, cpu = 0;
+};
+
+/// Starts both clocks; cpu is the calling thread's, or with `process` that of all threads.
+class Stopwatch {
+ public:
+  explicit Stopwatch(bool process);
+  Seconds Elapsed() const;
+
+ private:
+  bool process_;
+  Seconds start_;
+};
+
+/// Keeps the calling thread on one CPU (the last it may use) while it lives, if `active`.
+class Pinned {
+ public:
+  explicit Pinned(bool active);
+  ~Pinned();
+  Pinned(const Pinned&) = delete;
+  Pinned& operator=(const Pinned&) = delete;
+
+ private:
+  bool active_;
+  std::vector<unsigned char> saved_;
+};
+
+/// One repetition of one task.
+struct Sample {
+  uint64_t sample = 0;    ///< counts from 0 within the task
+  uint64_t sequence = 0;  ///< place in the random order of the group
+  uint64_t passes = 0;    ///< passes in this sample
+  Seconds time;           ///< of one pass
+};
+
+/// What is timed. Exactly one of `pass` and `build` is set.
+struct TimedTask {
+  std::string name;                ///< what --benchmark_filter sees
+  std::function<void()> pass;      ///< one pass over a ray set; an untimed one goes before each sample
+  std::function<Seconds()> build;  ///< measures itself, since destroying the tree is no part of it
+  uint64_t passes = 1;             ///< passes a sample, unless the user chose --benchmark_min_time
+  bool parallel = false;           ///< more than one thread: not pinned, the whole process's CPU time
+};
+
+enum class MeasureStatus { kTimed, kFilteredOut, kInterrupted };
+struct Measurement {
+  MeasureStatus status = MeasureStatus::kFilteredOut;
+  std::vector<Sample> samples;
+};
+
+/// Hands `flags` ("--benchmark_...") to the engine, after our defaults: random interleaving and
+/// `repetitions`. Call once. Throws InputError naming a flag that the engine does not take.
+void InitialiseEngine(const std::vector<std::string>& flags, uint32_t repetitions);
+
+/// What the engine says of itself and of the machine, word for word; it warns here if it was built without
+/// optimisation. Known after the first Measure().
+std::string EngineRemarks();
+
+/// Times all tasks as one group, in the order of the result. `progress` is told the fraction done, outside
+/// the clock.
+std::vector<Measurement> Measure(const std::vector<TimedTask>& tasks,
+                                 const std::function<void(double)>& progress);
+
+}  // namespace raybench

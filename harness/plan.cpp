@@ -1,0 +1,79 @@
+#include "harness/plan.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <set>
+
+#include "datasets/hash.h"
+#include "datasets/random.h"
+
+namespace raybench {
+
+std::string Case::Id() const {
+  Hash64 hash;
+  for (const std::string* text :
+       {&scene, &scene_hash, &structure, &params, &ray_set, &ray_hash, &query, &order}) {
+    hash.Add(std::string_view(*text));
+  }
+  hash.AddValue(uint64_t{threads});
+  hash.AddValue(seed);
+  return hash.Hex();
+}
+
+std::vector<Contestant> ChooseContestants(const Registry& registry, const std::vector<std::string>& specs) {
+  std::vector<Contestant> chosen;
+  if (!specs.empty()) {
+    std::set<std::string> seen;
+    for (const std::string& spec : specs) {
+      chosen.push_back(ParseContestant(registry, spec));
+      if (!seen.insert(chosen.back().Spec()).second) {
+        throw InputError(fmt::format("structure '{}' is given twice", chosen.back().Spec()));
+      }
+    }
+    return chosen;
+  }
+  // Speed without robustness, and robustness without ours: the two ends that the defaults lie between.
+  const std::pair<std::string_view, const char*> variants[] = {{"bvh_sah", "bvh_sah(numerics=fast)"},
+                                                               {"embree", "embree(robust=true)"}};
+  for (const rb_structure* structure : registry.structures()) {
+    chosen.push_back(ParseContestant(registry, structure->name));
+    for (auto [name, spec] : variants) {
+      if (name == structure->name) chosen.push_back(ParseContestant(registry, spec));
+    }
+  }
+  return chosen;
+}
+
+std::vector<uint32_t> PickSample(uint64_t n, uint64_t count, uint64_t seed, const std::string& stream) {
+  std::vector<uint32_t> picks;
+  count = std::min(n, count);
+  picks.reserve(count);
+  Hash64 hash;
+  hash.Add(std::string_view(stream));
+  Random random(seed, hash.value());
+  for (uint64_t i = 0; i < count; ++i) {
+    const uint64_t lo = i * n / count, hi = (i + 1) * n / count;
+    picks.push_back(uint32_t(lo + random.Below(hi - lo)));
+  }
+  return picks;
+}
+
+std::string FileStem(const std::string& name) {
+  const bool generator = !name.empty() && name.back() == ')';
+  const std::string base = generator ? name : std::filesystem::path(name).stem().string();
+  std::string stem;
+  for (char c : base) {
+    const bool keep = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-';
+    if (keep) {
+      stem += c;
+    } else if (!stem.empty() && stem.back() != '_') {
+      stem += '_';
+    }
+  }
+  while (!stem.empty() && stem.back() == '_') stem.pop_back();
+  return stem.empty() ? "scene" : stem;
+}
+
+}  // namespace raybench

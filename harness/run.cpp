@@ -1,0 +1,865 @@
+#include "harness/run.h"
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+#include <malloc.h>
+#include <tbb/info.h>
+
+#include <algorithm>
+#include <cstring>
+#include <ctime>
+#include <filesystem>
+#include <map>
+#include <new>
+#include <set>
+
+#include "datasets/fetch.h"
+#include "datasets/hash.h"
+#include "harness/aimed.h"
+#include "harness/commands.h"
+#include "harness/interrupt.h"
+#include "harness/machine.h"
+#include "harness/measure.h"
+#include "harness/oracle.h"
+#include "harness/progress.h"
+#include "harness/results.h"
+#include "harness/statistics.h"
+#include "harness/table.h"
+#include "tracer/image_io.h"
+#include "tracer/tracer.h"
+
+namespace raybench {
+namespace fs = std::filesystem;
+namespace {
+
+/// A sample should last this long; one pass of a full set takes longer and then is the sample.
+constexpr double kSampleSeconds = 0.02;
+/// `brute` is left out where one pass would take more ray-primitive tests than this, about a second.
+constexpr double kBruteBudget = 0x1p28;
+/// The same for truth by brute force, over all sets of a scene.
+constexpr double kDoubleOracleBudget = 0x1p31;
+/// A captured set with fewer than 1/16 of the rays wanted is too small to time beside the others.
+constexpr uint64_t kSmallSet = 16;
+
+uint32_t AllThreads() { return uint32_t(std::max(1, tbb::info::default_concurrency())); }
+
+std::string UtcTime(const char* format) {
+  const std::time_t now = std::time(nullptr);
+  std::tm utc;
+  gmtime_r(&now, &utc);
+  char text[32];
+  std::strftime(text, sizeof text, format, &utc);
+  return text;
+}
+
+const char* QueryName(uint32_t kind) { return kind == RB_ANY ? "any" : "closest"; }
+
+const char* ClaimName(uint32_t claim) {
+  static constexpr const char* kNames[] = {"nothing", "inexact", "watertight", "exact"};
+  return claim < std::size(kNames) ? kNames[claim] : "unknown";
+}
+
+/// A ray set with the truth of a seeded part of it.
+struct PreparedSet {
+  RaySet set;
+  uint64_t captured = 0;  ///< rays before thinning
+  std::vector<uint32_t> picks;
+  std::vector<rb_ray> picked;
+  std::vector<Truth> truth;
+};
+
+/// Where answers go. One for all trees of a scene, so that no tree gets better pages than another.
+struct Answers {
+  std::vector<rb_hit> hits;
+  std::vector<uint8_t> occluded;
+
+  explicit Answers(size_t n) : hits(n), occluded(n) {}
+  rb_query Ask(const RaySet& set, rb_counts* counts = nullptr) {
+    rb_query query = {};
+    query.struct_size = sizeof query;
+    query.kind = set.query;
+    query.n = set.rays.size();
+    query.rays = set.rays.data();
+    query.hits = hits.data();
+    query.occluded = occluded.data();
+    query.counts = counts;
+    return query;
+  }
+};
+
+bool SameBits(float a, float b) { return std::memcmp(&a, &b, sizeof a) == 0; }
+
+/// What about the answers contradicts the contract whatever the truth is, in words; empty if nothing does.
+std::string Malformed(const RaySet& set, const Answers& answers, uint64_t primitives) {
+  for (size_t i = 0; i < set.rays.size(); ++i) {
+    if (set.query == RB_ANY) {
+      if (answers.occluded[i] > 1)
+        return fmt::format("ray {} is answered {}, not 0 or 1", i, answers.occluded[i]);
+      continue;
+    }
+    const rb_hit& hit = answers.hits[i];
+    const rb_ray& ray = set.rays[i];
+    if (hit.prim == RAYBENCH_NONE) {
+      if (!(hit.t == ray.tfar))
+        return fmt::format("ray {} misses with t = {}, not tfar = {}", i, hit.t, ray.tfar);
+    } else if (hit.prim >= primitives) {
+      return fmt::format("ray {} hits primitive {} of {}", i, hit.prim, primitives);
+    } else if (!(hit.t > ray.tnear && hit.t <= ray.tfar)) {
+      return fmt::format("ray {} hits at t = {}, outside of ({}, {}]", i, hit.t, ray.tnear, ray.tfar);
+    }
+  }
+  return {};
+}
+
+/// The first ray whose answers differ, in words; empty if all are the same to the bit.
+std::string Difference(const RaySet& set, const Answers& a, const Answers& b) {
+  for (size_t i = 0; i < set.rays.size(); ++i) {
+    const rb_hit &x = a.hits[i], &y = b.hits[i];
+    const bool same = set.query == RB_ANY
+                          ? a.occluded[i] == b.occluded[i]
+                          : x.prim == y.prim && SameBits(x.t, y.t) &&
+                                (x.prim == RAYBENCH_NONE || (SameBits(x.u, y.u) && SameBits(x.v, y.v)));
+    if (!same) return fmt::format("ray {} is answered differently when counted", i);
+  }
+  return {};
+}
+
+std::string BrokenClaim(uint32_t claim, const VerdictCounts& counts) {
+  std::string text = fmt::format("claims {}, but of {} rays", ClaimName(claim), counts.rays);
+  const char* separator = " ";
+  for (size_t v = size_t(Verdict::kExact) + 1; v < size_t(Verdict::kCount); ++v) {
+    if (counts.by_class[v] == 0) continue;
+    const bool allowed = Verdict(v) == Verdict::kTie || Verdict(v) == Verdict::kNeighbour ||
+                         std::string_view(VerdictName(Verdict(v))).ends_with("_marginal");
+    if (claim == RB_CLAIM_WATERTIGHT && allowed) continue;
+    text += fmt::format("{}{} {}", separator, counts.by_class[v], VerdictName(Verdict(v)));
+    separator = ", ";
+  }
+  return text;
+}
+
+struct PlannedCase {
+  Case key;
+  size_t set = 0;    ///< of the scene's sets; no meaning for a build
+  std::string skip;  ///< why it is not measured; empty: it is
+};
+
+/// One structure on one scene.
+struct Entrant {
+  const Contestant* contestant = nullptr;
+  std::vector<PlannedCase> cases;         ///< builds first
+  Tree tree;                              ///< the one that is judged and timed
+  std::map<uint32_t, Json> build_values;  ///< by threads
+  std::vector<Json> set_values;           ///< verdict, hits and counters of each set
+};
+
+class Run {
+ public:
+  Run(const Registry& registry, const RunOptions& options) : registry_(registry), options_(options) {}
+
+  int Go() {
+    contestants_ = ChooseContestants(registry_, options_.structures);
+    InitialiseEngine(options_.benchmark_flags, options_.Repetitions());
+    // Big blocks come from fresh pages in every build, as in a process that builds once.
+    mallopt(M_MMAP_THRESHOLD, 1 << 17);
+    mallopt(M_TRIM_THRESHOLD, 1 << 17);
+    started_ = UtcTime("%Y-%m-%dT%H:%M:%SZ");
+    bool interrupted = false;
+    try {
+      LoadScenes();
+      const std::string out =
+          options_.out.empty() ? "results/" + UtcTime("%Y-%m-%dT%H-%M-%SZ") : options_.out;
+      results_.emplace(out, options_.resume);
+      WriteRunJson(false);
+      for (scene_index_ = 0; scene_index_ < scenes_.size(); ++scene_index_) RunScene();
+    } catch (const InterruptedError&) {
+      interrupted = true;
+    }
+    progress_.Clear();
+    return Finish(interrupted);
+  }
+
+ private:
+  // ---- scenes ----
+
+  void LoadScenes() {
+    std::vector<std::string> names = options_.scenes;
+    if (names.empty()) {
+      if (FetchDefaultModel()) names.push_back(kDefaultModel);
+      names.insert(names.end(), std::begin(kDefaultGenerators), std::end(kDefaultGenerators));
+    }
+    std::set<std::string> seen, stems;
+    for (const std::string& name : names) {
+      if (!seen.insert(name).second) throw InputError(fmt::format("scene '{}' is given twice", name));
+      LoadOptions load;
+      load.seed = options_.seed;
+      load.drop_bad = options_.drop_bad;
+      scenes_.push_back(LoadScene(name, load));
+      ThrowIfInterrupted();
+      const Scene& scene = scenes_.back();
+      if (scene.primitive_count() == 0) throw InputError(fmt::format("scene '{}' has no primitives", name));
+      std::string stem = FileStem(name);
+      for (int n = 2; !stems.insert(stem).second; ++n) stem = fmt::format("{}_{}", FileStem(name), n);
+      names_.push_back(name);
+      stems_.push_back(stem);
+      scene_notes_.push_back(Json::array());
+      ray_set_facts_.push_back(Json::array());
+      oracles_.push_back(nullptr);
+      progress_.Say(fmt::format(
+          "{}: {} triangles, {} procedural primitives{}", name, scene.triangles.size(), scene.spheres.size(),
+          scene.stats.degenerate_triangles == 0
+              ? std::string()
+              : fmt::format("; {} degenerate triangles left out", scene.stats.degenerate_triangles)));
+    }
+  }
+
+  bool FetchDefaultModel() {
+    try {
+      const ManifestEntry& entry = FindManifestEntry(kDefaultModel);
+      if (!IsFetched(entry)) Fetch(entry, [&](const std::string& line) { progress_.Say(line); });
+      return true;
+    } catch (const InputError& error) {
+      ThrowIfInterrupted();
+      Warn(fmt::format(
+          "the real model '{}' cannot be had, so the run goes on without it and ends inconclusive (3): {}",
+          kDefaultModel, error.what()));
+      inconclusive_ = true;
+      return false;
+    }
+  }
+
+  void Warn(const std::string& text) {
+    progress_.Say("WARNING: " + text);
+    warnings_.push_back(text);
+  }
+
+  /// Says it and keeps it with the scene in run.json.
+  void Note(const std::string& text) {
+    progress_.Say(fmt::format("{}: {}", names_[scene_index_], text));
+    scene_notes_[scene_index_].push_back(text);
+  }
+
+  void Update(double within_scene, std::string_view what) {
+    progress_.Update((double(scene_index_) + within_scene) / double(scenes_.size()),
+                     fmt::format("{}: {}", names_[scene_index_], what));
+  }
+
+  const Scene& scene() const { return scenes_[scene_index_]; }
+
+  void RunScene() {
+    Update(0, "capturing rays");
+    const rb_geometry geometry = scene().Geometry();
+    std::vector<PreparedSet> sets = Capture(geometry);
+    std::vector<Entrant> entrants = Plan(sets);
+    const bool all_done =
+        std::all_of(entrants.begin(), entrants.end(), [&](const Entrant& e) { return AllDone(e); });
+    if (all_done) {
+      progress_.Say(fmt::format("{}: all {} cases are there already", names_[scene_index_], plan_size_));
+    } else {
+      Ask(sets);
+    }
+    RecordSets(sets);
+    WriteRunJson(false);
+    if (all_done) return;
+    size_t most = 0;
+    for (const PreparedSet& s : sets) most = std::max(most, s.set.rays.size());
+    Answers answers(most), counted(most);
+    for (size_t i = 0; i < entrants.size(); ++i) {
+      if (AllDone(entrants[i])) continue;
+      Update(0.2 + 0.25 * double(i) / double(entrants.size()), "checking " + entrants[i].contestant->Spec());
+      Prepare(entrants[i], geometry, sets, answers, counted);
+      ThrowIfInterrupted();
+    }
+    Time(entrants, geometry, sets, answers);
+  }
+
+  // ---- ray sets ----
+
+  rb_build_options BuildOptions(uint32_t threads) const {
+    rb_build_options build = DefaultBuildOptions();
+    build.threads = threads;
+    build.seed = options_.seed;
+    build.memory_limit = options_.memory_limit;
+    build.cancel = InterruptFlag();
+    return build;
+  }
+
+  std::vector<PreparedSet> Capture(const rb_geometry& geometry) {
+    const Contestant guide = ParseContestant(registry_, "bvh_sah");
+    rb_build_options build = BuildOptions(AllThreads());
+    build.memory_limit = 0;
+    const Tree tree(guide, geometry, build);
+    const uint64_t wanted = options_.RaysPerSet();
+    // Twice as many pixels as rays wanted: reflected and refracted rays cover only part of a picture.
+    uint32_t side = 256;
+    while (uint64_t{side} * side < 2 * wanted) side += 8;
+    TraceOptions trace;
+    trace.width = trace.height = side;
+    trace.max_depth = options_.depth;
+    trace.capture = true;
+    trace.progress = [&](double fraction) { Update(0.06 * fraction, "capturing rays"); };
+    TraceResult result = Trace(scene(), tree, trace);
+    ThrowIfInterrupted();
+    const std::string image = (results_->path() / "images" / stems_[scene_index_]).string();
+    for (const char* extension : {".png", ".exr"}) {
+      WriteImage(result.image, image + extension, SoftwareName());
+    }
+
+    const Bounds3& bounds = scene().bounds();
+    std::map<std::string, uint64_t> largest;
+    for (const RaySet& set : result.ray_sets)
+      largest[set.kind] = std::max<uint64_t>(largest[set.kind], set.rays.size());
+    std::vector<PreparedSet> sets;
+    const auto add = [&](const RaySet& set) {
+      PreparedSet prepared;
+      prepared.captured = set.rays.size();
+      prepared.set = Thin(set, wanted, bounds);
+      sets.push_back(std::move(prepared));
+    };
+    const RaySet* camera = nullptr;
+    for (const RaySet& set : result.ray_sets) {
+      if (set.kind == "camera") camera = &set;
+      if (set.rays.size() * kSmallSet < wanted && set.rays.size() < largest[set.kind]) {
+        Note(fmt::format("{} has only {} rays and is left out", set.Label(), set.rays.size()));
+        continue;
+      }
+      add(set);
+      if (options_.shuffled) add(Shuffle(sets.back().set, options_.seed, bounds));
+    }
+    add(RandomRays(scene(), wanted, options_.seed));
+    if (camera != nullptr) {
+      RaySet diffuse = DiffuseBounce(scene(), tree, *camera, wanted, options_.seed);
+      if (!diffuse.rays.empty()) {
+        add(diffuse);
+      } else {
+        Note("no camera ray hits anything, so there are no diffuse rays");
+      }
+    }
+    // Random rays hide leaks; these are aimed at edges and vertices.
+    if (!scene().triangles.empty()) add(AimedRays(scene(), wanted, options_.seed));
+    return sets;
+  }
+
+  /// Asks the oracle about a seeded part of each set.
+  void Ask(std::vector<PreparedSet>& sets) {
+    Update(0.08, "preparing truth");
+    oracle_ = MakeOracle(scene());
+    uint64_t per_set = options_.RaysVerified();
+    if (!oracle_->Exact() && options_.verify_rays == 0) {
+      const double affordable = kDoubleOracleBudget / double(scene().primitive_count()) / double(sets.size());
+      const uint64_t cut = std::max<uint64_t>(256, uint64_t(affordable));
+      if (cut < per_set) {
+        per_set = cut;
+        Note(fmt::format("truth is brute force, so {} rays of a set are verified", per_set));
+      }
+    }
+    for (size_t i = 0; i < sets.size(); ++i) {
+      PreparedSet& s = sets[i];
+      s.picks = PickSample(s.set.rays.size(), per_set, options_.seed, s.set.hash);
+      for (uint32_t pick : s.picks) s.picked.push_back(s.set.rays[pick]);
+      constexpr size_t kChunk = 1024;
+      for (size_t at = 0; at < s.picked.size(); at += kChunk) {
+        ThrowIfInterrupted();
+        const size_t n = std::min(kChunk, s.picked.size() - at);
+        std::vector<Truth> truth = oracle_->Ask(std::span(s.picked).subspan(at, n), 0);
+        std::move(truth.begin(), truth.end(), std::back_inserter(s.truth));
+        Update(0.1 + 0.1 * (double(i) + double(at) / double(s.picked.size())) / double(sets.size()),
+               "asking for truth");
+      }
+    }
+    oracles_[scene_index_] = {{"name", oracle_->Name()}, {"exact", oracle_->Exact()}};
+  }
+
+  void RecordSets(const std::vector<PreparedSet>& sets) {
+    for (const PreparedSet& s : sets) {
+      ray_set_facts_[scene_index_].push_back({{"ray_set", s.set.Label()},
+                                              {"order", s.set.order},
+                                              {"query", QueryName(s.set.query)},
+                                              {"rays", s.set.rays.size()},
+                                              {"captured_rays", s.captured},
+                                              {"invalid_rays", s.set.invalid_rays},
+                                              {"outside_rays", s.set.outside_rays},
+                                              {"verified", s.picks.size()},
+                                              {"hash", s.set.hash}});
+    }
+  }
+
+  // ---- plan ----
+
+  std::vector<uint32_t> BuildThreads() const {
+    if (!options_.threads.empty()) return options_.threads;
+    return AllThreads() > 1 ? std::vector<uint32_t>{1, AllThreads()} : std::vector<uint32_t>{1};
+  }
+  std::vector<uint32_t> QueryThreads() const {
+    return options_.threads.empty() ? std::vector<uint32_t>{1} : options_.threads;
+  }
+
+  std::vector<Entrant> Plan(const std::vector<PreparedSet>& sets) {
+    std::vector<Entrant> entrants;
+    plan_size_ = 0;
+    for (const Contestant& contestant : contestants_) {
+      Entrant entrant;
+      entrant.contestant = &contestant;
+      Case key;
+      key.scene = names_[scene_index_];
+      key.scene_hash = scene().hash();
+      key.primitives = scene().primitive_count();
+      key.structure = contestant.structure->name;
+      key.spec = contestant.Spec();
+      key.params = contestant.Params();
+      key.seed = options_.seed;
+      std::string skip;
+      if (!scene().spheres.empty() && (contestant.structure->capabilities & RB_CAN_PROCEDURAL) == 0) {
+        skip = "the scene has procedural primitives and the structure takes triangles only";
+      }
+      const auto plan = [&](const Case& c, size_t set, const std::string& why) {
+        entrant.cases.push_back({c, set, why});
+        // Scenes are planned one after the other, and ray sets known only then; so the place is (scene, place
+        // within).
+        entrant.cases.back().key.plan_index = (uint64_t{scene_index_} << 32) + plan_size_++;
+      };
+      for (uint32_t threads : BuildThreads()) {
+        key.threads = threads;
+        plan(key, 0, skip);
+      }
+      for (size_t i = 0; i < sets.size(); ++i) {
+        const RaySet& set = sets[i].set;
+        key.ray_set = set.Label(), key.ray_hash = set.hash, key.order = set.order;
+        key.query = QueryName(set.query), key.rays = set.rays.size();
+        std::string why = skip;
+        if (why.empty() && key.structure == "brute" &&
+            double(key.rays) * double(key.primitives) > kBruteBudget) {
+          why = fmt::format("rays x primitives exceeds {:.0f} million tests a pass", kBruteBudget * 1e-6);
+        }
+        for (uint32_t threads : QueryThreads()) {
+          key.threads = threads;
+          plan(key, i, why);
+        }
+      }
+      if (const auto skipped = std::find_if(entrant.cases.begin(), entrant.cases.end(),
+                                            [](const PlannedCase& c) { return !c.skip.empty(); });
+          skipped != entrant.cases.end()) {
+        Note(fmt::format("{} is skipped{}: {}", key.spec, skip.empty() ? " on large ray sets" : "",
+                         skipped->skip));
+      }
+      entrants.push_back(std::move(entrant));
+    }
+    planned_total_ += plan_size_;
+    return entrants;
+  }
+
+  bool Done(const PlannedCase& c) const { return results_->Has(c.key.Id()); }
+  bool AllDone(const Entrant& e) const {
+    return std::all_of(e.cases.begin(), e.cases.end(), [&](const PlannedCase& c) { return Done(c); });
+  }
+
+  /// Ends all open cases of a tree without a time.
+  void Close(Entrant& entrant, const std::string& status, const std::string& note) {
+    for (PlannedCase& c : entrant.cases) {
+      if (Done(c)) continue;
+      if (!c.skip.empty()) {
+        results_->Store(c.key, {{"status", "skipped"}, {"note", c.skip}}, {});
+        continue;
+      }
+      Json values = ValuesOf(entrant, c);
+      values["status"] = status;
+      values["note"] = note;
+      results_->Store(c.key, values, {});
+    }
+    entrant.tree = Tree();
+  }
+
+  // ---- build, verdict, counts ----
+
+  /// Builds the tree that is timed, judges it, counts. Without a tree afterwards, all cases are closed.
+  void Prepare(Entrant& entrant, const rb_geometry& geometry, const std::vector<PreparedSet>& sets,
+               Answers& answers, Answers& counted) {
+    const bool nothing_to_do = std::all_of(entrant.cases.begin(), entrant.cases.end(),
+                                           [&](const PlannedCase& c) { return !c.skip.empty() || Done(c); });
+    if (nothing_to_do) return Close(entrant, "skipped", "");
+    try {
+      BuildAll(entrant, geometry);
+    } catch (const BuildError& error) {
+      ThrowIfInterrupted();
+      Note(fmt::format("{} is skipped: {}", entrant.contestant->Spec(), error.what()));
+      return Close(entrant, "skipped", error.what());
+    } catch (const std::bad_alloc&) {
+      Note(fmt::format("{} is skipped: out of memory", entrant.contestant->Spec()));
+      return Close(entrant, "skipped", "out of memory");
+    }
+    std::string flaw;
+    if (const auto statistics = ReadTree(entrant.tree, geometry)) {
+      flaw = statistics->enclosure_flaw;
+      AddTreeValues(entrant, *statistics);
+    }
+    entrant.set_values.assign(sets.size(), Json::object());
+    for (size_t i = 0; i < sets.size(); ++i) {
+      const bool wanted = std::any_of(entrant.cases.begin(), entrant.cases.end(), [&](const PlannedCase& c) {
+        return !c.key.IsBuild() && c.set == i && c.skip.empty();
+      });
+      if (!wanted) continue;
+      ThrowIfInterrupted();
+      const std::string broken = Judge(entrant, sets[i], entrant.set_values[i], answers, counted);
+      if (!broken.empty() && flaw.empty()) flaw = fmt::format("{}: {}", sets[i].set.Label(), broken);
+    }
+    if (flaw.empty()) return;
+    Note(fmt::format("REFUSED: {} - {}", entrant.contestant->Spec(), flaw));
+    Close(entrant, "refused", flaw);
+  }
+
+  void BuildAll(Entrant& entrant, const rb_geometry& geometry) {
+    for (uint32_t threads : BuildThreads()) {
+      malloc_trim(0);
+      const bool has_peak = ResetPeakMemory();
+      const uint64_t before = ResidentMemory();
+      Seconds seconds;
+      Tree tree = TimedBuild(entrant, geometry, threads, seconds);
+      const uint64_t peak = PeakMemory();
+      Json& values = entrant.build_values[threads];
+      values = {{"claim", ClaimName(tree.Claims())}};
+      if (has_peak) values["build_peak_bytes"] = peak > before ? peak - before : 0;
+      values["cold_ns"] = (threads == 1 ? seconds.cpu : seconds.wall) * 1e9;
+      const bool kept = !entrant.tree;
+      // Without the promise of the same tree at any thread count, its figures would change from run to run.
+      if (kept || (tree.structure().capabilities & RB_DETERMINISTIC) != 0) {
+        uint64_t nodes = 0, prims = 0;
+        int needs_geometry = 0;
+        tree.structure().memory(tree.get(), &nodes, &prims, &needs_geometry);
+        values["node_bytes"] = nodes;
+        values["prim_bytes"] = prims;
+        values["needs_geometry"] = needs_geometry != 0 ? 1 : 0;
+      }
+      if (kept) entrant.tree = std::move(tree);
+    }
+  }
+
+  Tree TimedBuild(const Entrant& entrant, const rb_geometry& geometry, uint32_t threads,
+                  Seconds& seconds) const {
+    const rb_build_options build = BuildOptions(threads);
+    Pinned pinned(threads == 1);
+    const Stopwatch watch(/*process=*/true);
+    Tree tree(*entrant.contestant, geometry, build);
+    seconds = watch.Elapsed();
+    return tree;
+  }
+
+  void AddTreeValues(Entrant& entrant, const TreeStatistics& s) {
+    for (auto& [threads, values] : entrant.build_values) {
+      if (!values.contains("node_bytes")) continue;
+      values["inner_nodes"] = s.inner_nodes;
+      values["leaf_nodes"] = s.leaf_nodes;
+      values["empty_leaf_nodes"] = s.empty_leaf_nodes;
+      values["references"] = s.references;
+      values["depth"] = s.depth;
+      if (s.sah_cost) values["sah_cost"] = *s.sah_cost;
+    }
+  }
+
+  /// Verdict, hits and counters of one set; returns what breaks the tree's claim or the contract, or nothing.
+  std::string Judge(Entrant& entrant, const PreparedSet& prepared, Json& values, Answers& answers,
+                    Answers& counted) {
+    const RaySet& set = prepared.set;
+    const Tree& tree = entrant.tree;
+    tree.Query(answers.Ask(set));
+    if (std::string flaw = Malformed(set, answers, scene().primitive_count()); !flaw.empty()) return flaw;
+
+    std::vector<rb_hit> hits;
+    std::vector<uint8_t> occluded;
+    for (uint32_t pick : prepared.picks) {
+      if (set.query == RB_ANY) {
+        occluded.push_back(answers.occluded[pick]);
+      } else {
+        hits.push_back(answers.hits[pick]);
+      }
+    }
+    const VerdictCounts verdict =
+        JudgeAll(*oracle_, set.query, prepared.picked, prepared.truth, hits, occluded, 0);
+    values["oracle"] = oracle_->Name();
+    values["verified"] = verdict.rays;
+    for (size_t v = 0; v < size_t(Verdict::kCount); ++v)
+      values[VerdictName(Verdict(v))] = verdict.by_class[v];
+    if (verdict[Verdict::kExact] + verdict[Verdict::kTie] + verdict[Verdict::kNeighbour] > 0 &&
+        set.query == RB_CLOSEST) {
+      values["t_error_p50"] = verdict.t_error_p50;
+      values["t_error_p99"] = verdict.t_error_p99;
+      values["t_error_max"] = verdict.t_error_max;
+    }
+    uint64_t hit_count = 0;
+    for (size_t i = 0; i < set.rays.size(); ++i) {
+      hit_count += set.query == RB_ANY ? answers.occluded[i] != 0 : answers.hits[i].prim != RAYBENCH_NONE;
+    }
+    values["hits"] = hit_count;
+    if (BreaksClaim(tree.Claims(), verdict)) return BrokenClaim(tree.Claims(), verdict);
+
+    if ((tree.structure().capabilities & RB_CAN_COUNT) == 0) return {};
+    std::vector<rb_counts> counts(set.rays.size());
+    tree.QueryCounted(counted.Ask(set, counts.data()));
+    if (std::string flaw = Difference(set, answers, counted); !flaw.empty()) return flaw;
+    rb_counts sum = {};
+    for (const rb_counts& c : counts) {
+      sum.steps += c.steps, sum.leaves += c.leaves, sum.empty_leaves += c.empty_leaves;
+      sum.bounds += c.bounds, sum.prims += c.prims, sum.bytes += c.bytes;
+    }
+    const double n = double(counts.size());
+    values["steps"] = double(sum.steps) / n;
+    values["leaves"] = double(sum.leaves) / n;
+    values["empty_leaves"] = double(sum.empty_leaves) / n;
+    values["bounds"] = double(sum.bounds) / n;
+    values["prims"] = double(sum.prims) / n;
+    values["bytes"] = double(sum.bytes) / n;
+    return {};
+  }
+
+  /// The columns known before timing.
+  Json ValuesOf(const Entrant& entrant, const PlannedCase& c) const {
+    Json values = Json::object();
+    if (entrant.build_values.empty()) return values;
+    if (c.key.IsBuild()) {
+      if (const auto own = entrant.build_values.find(c.key.threads); own != entrant.build_values.end())
+        return own->second;
+      return values;
+    }
+    // A query case shows the tree it ran on.
+    values = entrant.build_values.begin()->second;
+    values.erase("build_peak_bytes");
+    values.erase("cold_ns");
+    if (c.set < entrant.set_values.size()) values.update(entrant.set_values[c.set]);
+    return values;
+  }
+
+  // ---- times ----
+
+  void Time(std::vector<Entrant>& entrants, const rb_geometry& geometry, const std::vector<PreparedSet>& sets,
+            Answers& answers) {
+    struct Open {
+      Entrant* entrant;
+      PlannedCase* planned;
+      Json values;
+    };
+    std::vector<Open> open;
+    for (Entrant& entrant : entrants) {
+      if (!entrant.tree) continue;
+      for (PlannedCase& c : entrant.cases) {
+        if (Done(c)) continue;
+        if (!c.skip.empty()) {
+          results_->Store(c.key, {{"status", "skipped"}, {"note", c.skip}}, {});
+        } else {
+          open.push_back({&entrant, &c, ValuesOf(entrant, c)});
+        }
+      }
+    }
+    // Neighbours in this order are different trees, so that each finds its nodes out of the caches.
+    std::stable_sort(open.begin(), open.end(), [](const Open& a, const Open& b) {
+      const auto key = [](const Open& o) {
+        return std::tuple(!o.planned->key.IsBuild(), o.planned->set, o.planned->key.threads);
+      };
+      return key(a) < key(b);
+    });
+    std::vector<TimedTask> tasks;
+    for (Open& o : open) {
+      const Case& key = o.planned->key;
+      TimedTask task;
+      task.name = fmt::format("{}/{}/{}/{}/{}/threads:{}", key.scene, key.spec, key.ray_set, key.order,
+                              key.query, key.threads);
+      task.parallel = key.threads > 1;
+      if (key.IsBuild()) {
+        task.build = [this, &geometry, entrant = o.entrant, threads = key.threads] {
+          malloc_trim(0);
+          Seconds seconds;
+          TimedBuild(*entrant, geometry, threads, seconds);
+          return seconds;
+        };
+      } else {
+        task.pass = [&tree = o.entrant->tree, &set = sets[o.planned->set].set, &answers,
+                     threads = key.threads] {
+          const rb_query query = answers.Ask(set);
+          if (threads == 1) {
+            tree.Query(query);
+          } else {
+            QueryParallel(tree, query, threads);
+          }
+        };
+        FirstPasses(task, o.values, key);
+      }
+      tasks.push_back(std::move(task));
+      ThrowIfInterrupted();
+      Update(0.45 + 0.1 * double(tasks.size()) / double(open.size()), "first passes");
+    }
+    const std::vector<Measurement> measured =
+        Measure(tasks, [&](double fraction) { Update(0.55 + 0.45 * fraction, "timing"); });
+    for (size_t i = 0; i < open.size(); ++i) {
+      const Case& key = open[i].planned->key;
+      Json& values = open[i].values;
+      switch (measured[i].status) {
+        case MeasureStatus::kInterrupted:
+          break;  // not finished, so no file
+        case MeasureStatus::kFilteredOut:
+          if (Interrupted()) break;
+          values["status"] = "skipped";
+          values["note"] = "left out by --benchmark_filter";
+          results_->Store(key, values, {});
+          break;
+        case MeasureStatus::kTimed:
+          AddTimes(values, key, measured[i].samples);
+          results_->Store(key, values, measured[i].samples);
+      }
+    }
+    ThrowIfInterrupted();
+  }
+
+  /// The first pass is recorded, the second discarded; the length of a sample follows from the shorter one.
+  static void FirstPasses(TimedTask& task, Json& values, const Case& key) {
+    Pinned pinned(!task.parallel);
+    const Stopwatch cold(task.parallel);
+    task.pass();
+    const Seconds first = cold.Elapsed();
+    const Stopwatch warm(task.parallel);
+    task.pass();
+    const double second = warm.Elapsed().wall;
+    values["cold_ns"] = (key.threads == 1 ? first.cpu : first.wall) * 1e9 / double(key.rays);
+    const double shorter = std::max(1e-7, std::min(first.wall, second));
+    task.passes = uint64_t(std::max(1.0, std::round(kSampleSeconds / shorter)));
+  }
+
+  static void AddTimes(Json& values, const Case& key, const std::vector<Sample>& samples) {
+    std::vector<double> times;
+    for (const Sample& s : samples) times.push_back(key.threads == 1 ? s.time.cpu : s.time.wall);
+    const MedianInterval interval = MedianOf(times);
+    const double to_ns = key.IsBuild() ? 1e9 : 1e9 / double(key.rays);
+    const uint64_t items = key.IsBuild() ? key.primitives : key.rays;
+    values["status"] = "timed";
+    values["samples"] = samples.size();
+    values["median_ns"] = interval.median * to_ns;
+    if (interval.lo) values["lo_ns"] = *interval.lo * to_ns;
+    if (interval.hi) values["hi_ns"] = *interval.hi * to_ns;
+    if (interval.median > 0) values["rate"] = double(items) / interval.median;
+  }
+
+  // ---- files ----
+
+  void WriteRunJson(bool finished, bool interrupted = false, size_t finished_cases = 0) const {
+    Json scenes = Json::array();
+    for (size_t i = 0; i < scenes_.size(); ++i) {
+      const Scene& s = scenes_[i];
+      scenes.push_back({{"scene", names_[i]},
+                        {"hash", s.hash()},
+                        {"triangles", s.triangles.size()},
+                        {"procedural", s.spheres.size()},
+                        {"source", s.provenance.source},
+                        {"licence", s.provenance.licence},
+                        {"package", s.provenance.package},
+                        {"version", s.provenance.version},
+                        {"sha256", s.provenance.sha256},
+                        {"faces", s.stats.faces},
+                        {"degenerate_triangles", s.stats.degenerate_triangles},
+                        {"dropped_triangles", s.stats.dropped_triangles},
+                        {"instances", s.stats.instances},
+                        {"shared_triangles", s.stats.shared_triangles},
+                        {"scale_exponent", s.scale_exponent},
+                        {"automatic_camera", s.automatic_camera},
+                        {"automatic_lights", s.automatic_lights},
+                        {"image", "images/" + stems_[i] + ".png"},
+                        {"oracle", oracles_[i]},
+                        {"ray_sets", ray_set_facts_[i]},
+                        {"notes", scene_notes_[i]}});
+    }
+    Json structures = Json::array();
+    for (const Contestant& c : contestants_) {
+      structures.push_back({{"spec", c.Spec()},
+                            {"params", c.Params()},
+                            {"doc", c.structure->doc},
+                            {"source", c.structure->source},
+                            {"plugin", registry_.OriginOf(*c.structure)}});
+    }
+    const std::string remarks = EngineRemarks();
+    Json run;
+    run["format"] = 1;
+    run["started"] = started_;
+    run["ended"] = finished ? Json(UtcTime("%Y-%m-%dT%H:%M:%SZ")) : Json();
+    run["interrupted"] = interrupted;
+    run["finished_cases"] = finished_cases;
+    run["command_line"] = options_.command_line;
+    run["seed"] = options_.seed;
+    run["quick"] = options_.quick;
+    run["rays_per_set"] = options_.RaysPerSet();
+    run["verified_per_set"] = options_.RaysVerified();
+    run["depth"] = options_.depth;
+    run["memory_limit"] = options_.memory_limit;
+    run["build_threads"] = BuildThreads();
+    run["query_threads"] = QueryThreads();
+    run["plugins"] = options_.plugins;
+    run["timing"] = {{"engine", "Google Benchmark"},
+                     {"repetitions", options_.Repetitions()},
+                     {"random_interleaving", true},
+                     {"flags", options_.benchmark_flags},
+                     {"sample_seconds", kSampleSeconds},
+                     {"clock", "CPU time at one thread, pinned; wall time at more"},
+                     {"engine_remarks", remarks.empty() ? Json() : Json(remarks)},
+                     {"engine_built_as_debug",
+                      remarks.empty() ? Json() : Json(remarks.find("DEBUG") != std::string::npos)}};
+    run["build"] = BuildFacts();
+    run["machine"] = machine_;
+    run["libraries"] = libraries_;
+    run["structures"] = structures;
+    run["scenes"] = scenes;
+    run["warnings"] = warnings_;
+    results_->WriteRunJson(run);
+  }
+
+  int Finish(bool interrupted) {
+    if (!results_) return 130;  // interrupted while loading: nothing was written
+    results_->WriteCsvs();
+    const std::vector<Json> cases = results_->Cases();
+    WriteRunJson(true, interrupted, cases.size());
+    const std::string table = FormatTable(cases);
+    fmt::print("{}", table);
+    const bool refused = std::any_of(cases.begin(), cases.end(),
+                                     [](const Json& c) { return c.at("case").at("status") == "refused"; });
+    const std::string folder = results_->path().string();
+    fmt::print("cases   {}/cases.csv\nsamples {}/samples.csv\n", folder, folder);
+    for (const std::string& stem : stems_) {
+      const std::string image = fmt::format("{}/images/{}.png", folder, stem);
+      if (fs::exists(image)) fmt::print("picture {}\n", image);
+    }
+    std::fflush(stdout);
+    if (interrupted) {
+      progress_.Say(fmt::format(
+          "interrupted: {} finished cases are kept; the same command with --out {} --resume goes on",
+          cases.size(), folder));
+      return 130;
+    }
+    if (options_.report) {
+      DrawReportIfPossible(folder);
+    } else {
+      fmt::print("plots   raybench report {}\n", folder);
+    }
+    for (const std::string& warning : warnings_) progress_.Say("WARNING: " + warning);
+    if (refused) {
+      progress_.Say("a structure broke its claim: it got no time (REFUSED above)");
+      return 1;
+    }
+    return inconclusive_ ? 3 : 0;
+  }
+
+  const Registry& registry_;
+  const RunOptions& options_;
+  Progress progress_;
+  std::vector<Contestant> contestants_;
+  std::vector<Scene> scenes_;
+  std::vector<std::string> names_, stems_;  // one per scene, as the four below
+  std::vector<Json> scene_notes_, ray_set_facts_, oracles_;
+  size_t scene_index_ = 0;
+  uint64_t plan_size_ = 0, planned_total_ = 0;
+  std::unique_ptr<Oracle> oracle_;  // of the current scene
+  std::optional<ResultFolder> results_;
+  std::vector<std::string> warnings_;
+  std::string started_;
+  bool inconclusive_ = false;
+  const Json machine_ = MachineFacts(), libraries_ = LibraryFacts();
+};
+
+}  // namespace
+
+int RunBenchmark(const Registry& registry, const RunOptions& options) { return Run(registry, options).Go(); }
+
+}  // namespace raybench

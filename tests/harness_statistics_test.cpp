@@ -1,0 +1,160 @@
+// Figures of trees and samples against values worked out by hand.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <random>
+#include <vector>
+
+#include "harness/plan.h"
+#include "harness/statistics.h"
+#include "tests/meshes.h"
+
+namespace raybench {
+namespace {
+
+TEST(HarnessMedian, IntervalIsThatOfTheBinomialTable) {
+  // n: ranks (from 1) of the narrowest symmetric interval of at least 95 %, from a binomial table.
+  struct Row {
+    size_t n, lo, hi;
+    double coverage;
+  };
+  for (Row row : {Row{6, 1, 6, 1 - 2.0 / 64},
+                  {7, 1, 7, 1 - 2.0 / 128},
+                  {8, 1, 8, 1 - 2.0 / 256},
+                  {9, 2, 8, 1 - 20.0 / 512},
+                  {10, 2, 9, 1 - 22.0 / 1024},
+                  {15, 4, 12, 1 - 2 * 576.0 / 32768},
+                  {20, 6, 15, 0.95861053}}) {
+    std::vector<double> values(row.n);
+    for (size_t i = 0; i < row.n; ++i) values[i] = double(i + 1);
+    std::shuffle(values.begin(), values.end(), std::mt19937(7));
+    const MedianInterval m = MedianOf(values);
+    SCOPED_TRACE(row.n);
+    EXPECT_DOUBLE_EQ(m.median, 0.5 * double(row.n + 1));
+    ASSERT_TRUE(m.lo && m.hi);
+    EXPECT_EQ(*m.lo, double(row.lo));
+    EXPECT_EQ(*m.hi, double(row.hi));
+    EXPECT_NEAR(m.coverage, row.coverage, 1e-7);
+  }
+}
+
+TEST(HarnessMedian, FiveSamplesHaveNoInterval) {
+  const std::vector<double> values = {5, 1, 4, 2, 3};
+  const MedianInterval m = MedianOf(values);
+  EXPECT_EQ(m.median, 3);
+  EXPECT_FALSE(m.lo);
+  EXPECT_FALSE(m.hi);
+  EXPECT_EQ(MedianOf(std::vector<double>{2.5}).median, 2.5);
+}
+
+/// A structure whose tree is written down by hand.
+struct HandTree {
+  std::vector<rb_node> nodes;
+  rb_structure table = {};
+  HandTree() {
+    table.name = "hand";
+    table.destroy = [](rb_tree*) {};
+    table.build = [](const rb_geometry*, const rb_build_options*, const void* config, rb_tree** tree, char*,
+                     size_t) {
+      std::memcpy(tree, config, sizeof *tree);
+      return 0;
+    };
+    table.config_size = sizeof(void*);
+    table.visit = [](const rb_tree* tree, int (*node)(void*, const rb_node*), void* context) {
+      for (const rb_node& n : reinterpret_cast<const HandTree*>(tree)->nodes) {
+        if (int stop = node(context, &n)) return stop;
+      }
+      return 0;
+    };
+  }
+  std::optional<TreeStatistics> Read(const rb_geometry& geometry) {
+    HandTree* self = this;
+    Contestant contestant{&table, std::vector<std::byte>(sizeof self)};
+    std::memcpy(contestant.config.data(), &self, sizeof self);
+    return ReadTree(Tree(contestant, geometry, DefaultBuildOptions()), geometry);
+  }
+};
+
+/// Two triangles: one in x = 0..1, the other in x = 2..3; both of y, z in 0..1.
+testing::Mesh TwoTriangles() {
+  return {"two", {{0, 0, 0}, {1, 1, 0}, {0, 0, 1}, {2, 0, 0}, {3, 1, 0}, {2, 0, 1}}, {{0, 1, 2}, {3, 4, 5}}};
+}
+
+TEST(HarnessTreeStatistics, CountsDepthReferencesAndSahCostOfAHandMadeTree) {
+  const testing::Mesh mesh = TwoTriangles();
+  const float root[] = {0, 0, 0, 3, 1, 1}, left[] = {0, 0, 0, 1, 1, 1}, right[] = {2, 0, 0, 3, 1, 1};
+  const uint32_t prims[] = {0, 1};
+  HandTree hand;
+  hand.nodes = {{0, 0, 0, RB_SHAPE_BOX, root, 6, 0, nullptr},
+                {1, 1, 0, RB_SHAPE_BOX, left, 6, 1, prims},
+                {1, 0, 0, RB_SHAPE_BOX, right, 6, 0, nullptr},
+                {2, 1, 0, RB_SHAPE_BOX, right, 6, 1, prims + 1},
+                {2, 1, 0, RB_SHAPE_BOX, right, 6, 0, nullptr}};
+  const auto s = hand.Read(mesh.Geometry());
+  ASSERT_TRUE(s);
+  EXPECT_EQ(s->inner_nodes, 2u);
+  EXPECT_EQ(s->leaf_nodes, 3u);
+  EXPECT_EQ(s->empty_leaf_nodes, 1u);
+  EXPECT_EQ(s->references, 2u);
+  EXPECT_EQ(s->depth, 2u);
+  // Half areas: root 3+1+3 = 7, the others 3. 1 (root) + 3/7 (left leaf, one primitive) + 3/7 (inner) + 3/7
+  // (leaf).
+  ASSERT_TRUE(s->sah_cost);
+  EXPECT_NEAR(*s->sah_cost, 1 + 9.0 / 7, 1e-12);
+  EXPECT_EQ(s->enclosure_flaw, "");
+}
+
+TEST(HarnessTreeStatistics, NamesAPrimitiveThatALeafLeavesOutOrThatNoLeafHolds) {
+  const testing::Mesh mesh = TwoTriangles();
+  const float all[] = {0, 0, 0, 3, 1, 1}, small[] = {0, 0, 0, 2.5f, 1, 1};
+  const uint32_t prims[] = {0, 1};
+  HandTree hand;
+  hand.nodes = {{0, 1, 0, RB_SHAPE_BOX, small, 6, 2, prims}};
+  EXPECT_EQ(hand.Read(mesh.Geometry())->enclosure_flaw, "the bounds of a leaf leave out part of primitive 1");
+  hand.nodes = {{0, 1, 0, RB_SHAPE_BOX, all, 6, 1, prims}};
+  EXPECT_EQ(hand.Read(mesh.Geometry())->enclosure_flaw, "no leaf holds primitive 1");
+  const uint32_t wrong[] = {0, 1, 2};
+  hand.nodes = {{0, 1, 0, RB_SHAPE_BOX, all, 6, 3, wrong}};
+  EXPECT_EQ(hand.Read(mesh.Geometry())->enclosure_flaw, "a leaf refers to primitive 2, but there are 2");
+}
+
+TEST(HarnessTreeStatistics, LeavesOfASpacePartitionMayShareAPrimitive) {
+  const testing::Mesh mesh = TwoTriangles();
+  const float left[] = {0, 0, 0, 2.5f, 1, 1}, right[] = {2.5f, 0, 0, 3, 1, 1};
+  const uint32_t prims[] = {0, 1};
+  HandTree hand;
+  hand.nodes = {{0, 1, 1, RB_SHAPE_BOX, left, 6, 2, prims}, {0, 1, 1, RB_SHAPE_BOX, right, 6, 1, prims + 1}};
+  EXPECT_EQ(hand.Read(mesh.Geometry())->enclosure_flaw, "");
+  hand.nodes.pop_back();
+  EXPECT_EQ(hand.Read(mesh.Geometry())->enclosure_flaw, "the leaves of primitive 1 leave out part of it");
+}
+
+TEST(HarnessTreeStatistics, EveryBuiltInTreeEnclosesItsPrimitives) {
+  const Registry registry;
+  const testing::Mesh ball = testing::Ball(3);
+  for (const rb_structure* structure : registry.structures()) {
+    const Tree tree(ParseContestant(registry, structure->name), ball.Geometry(), DefaultBuildOptions());
+    const auto statistics = ReadTree(tree, ball.Geometry());
+    SCOPED_TRACE(structure->name);
+    EXPECT_EQ(statistics.has_value(), structure->visit != nullptr);
+    if (statistics && statistics->leaf_nodes > 0) {
+      EXPECT_EQ(statistics->enclosure_flaw, "");
+      EXPECT_GE(statistics->references, ball.triangles.size());
+    }
+  }
+}
+
+TEST(HarnessPlan, PicksAreDistinctAscendingSeededAndAllOfASmallSet) {
+  EXPECT_EQ(PickSample(5, 100, 1, "x"), (std::vector<uint32_t>{0, 1, 2, 3, 4}));
+  const std::vector<uint32_t> picks = PickSample(1000, 37, 1, "x");
+  EXPECT_EQ(picks.size(), 37u);
+  EXPECT_TRUE(std::is_sorted(picks.begin(), picks.end()));
+  EXPECT_EQ(std::adjacent_find(picks.begin(), picks.end()), picks.end());
+  EXPECT_LT(picks.back(), 1000u);
+  EXPECT_EQ(picks, PickSample(1000, 37, 1, "x"));
+  EXPECT_NE(picks, PickSample(1000, 37, 2, "x"));
+  EXPECT_NE(picks, PickSample(1000, 37, 1, "y"));
+}
+
+}  // namespace
+}  // namespace raybench
