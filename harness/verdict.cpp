@@ -208,13 +208,15 @@ bool InSpan(std::vector<std::vector<uint64_t>> rows, std::vector<uint64_t> targe
 struct Patch {
   bool near_edge = false;  // the hit itself is within the bound of an edge
   bool sealed = false;
-  double t_error = 0;  // how far from t a float test may answer, at most, over the patch
+  std::vector<uint32_t> members;  // representatives
+  double t_error = 0;             // how far from t a float test may answer, at most, over the patch
 };
 
 Patch Surround(const Scene& scene, const Adjacency& adjacency, const rb_ray& ray, uint32_t triangle,
                double t) {
   Patch patch;
-  std::vector<uint32_t> members{adjacency.Representative(triangle)};
+  std::vector<uint32_t>& members = patch.members;
+  members.push_back(adjacency.Representative(triangle));
   std::vector<Sheared> shapes;
   std::vector<std::pair<uint32_t, uint32_t>> edges;
   for (size_t m = 0; m < members.size(); ++m) {
@@ -350,7 +352,8 @@ bool JudgingOracle::AcceptedInPlane(const rb_ray& ray, const rb_hit& answer) con
          exact::MeetsInPlane(line, p, float(answer.t - slack), float(answer.t + slack));
 }
 
-JudgingOracle::Excuse JudgingOracle::Passed(const rb_ray& ray, const TrueHit& hit) const {
+JudgingOracle::Excuse JudgingOracle::Passed(const rb_ray& ray, const TrueHit& hit,
+                                            const rb_hit* answer) const {
   const auto at_an_end = [&](double error) {
     error = std::max(error, EightUlp(hit.t));
     return hit.t - ray.tnear <= error || ray.tfar - hit.t <= error;
@@ -361,6 +364,12 @@ JudgingOracle::Excuse JudgingOracle::Passed(const rb_ray& ray, const TrueHit& hi
   }
   const Patch patch = Surround(scene_, adjacency_, ray, hit.prim, hit.t);
   if (!patch.sealed || at_an_end(patch.t_error)) return Excuse::kMarginal;
+  // Held by the very surface that it seems to have passed, where that is steep or folded within the bound.
+  if (answer && answer->prim < scene_.triangles.size() &&
+      std::find(patch.members.begin(), patch.members.end(), adjacency_.Representative(answer->prim)) !=
+          patch.members.end()) {
+    return Excuse::kMarginal;
+  }
   return patch.near_edge ? Excuse::kLeak : Excuse::kPlain;
 }
 
@@ -368,7 +377,7 @@ JudgingOracle::Excuse JudgingOracle::PassedBefore(const rb_ray& ray, const rb_hi
   Excuse worst = Excuse::kMarginal;
   for (const TrueHit& hit : AllHits(ray)) {
     if (answer && (hit.t >= answer->t || Agree(ray, hit, *answer))) continue;
-    const Excuse excuse = Passed(ray, hit);
+    const Excuse excuse = Passed(ray, hit, answer);
     if (excuse == Excuse::kLeak) return excuse;
     if (excuse == Excuse::kPlain) worst = excuse;
   }

@@ -65,9 +65,9 @@ class JudgingOracle : public Oracle {
 
  private:
   enum class Excuse { kMarginal, kPlain, kLeak };
-  /// What it means that an answer ignores this hit.
-  Excuse Passed(const rb_ray& ray, const TrueHit& hit) const;
-  /// The worst of all hits in front of the answer (null: a miss).
+  /// What it means that an answer (null: a miss) lies behind this hit.
+  Excuse Passed(const rb_ray& ray, const TrueHit& hit, const rb_hit* answer) const;
+  /// The worst of all hits in front of the answer.
   Excuse PassedBefore(const rb_ray& ray, const rb_hit* answer) const;
   /// `root`: 0 or 1, spheres only.
   Appraisal Appraise(const rb_ray& ray, uint32_t prim, int root) const;
