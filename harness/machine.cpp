@@ -163,9 +163,9 @@ std::string VersionText() {
                           value.at("instruction_set").get<std::string>());
     }
   }
-  text += HasCgalOracle() ? "The exact oracle over CGAL is built in: its AABB tree is GPL-3.0-or-later, and "
-                            "so is the use of this "
-                            "binary may be passed on under those terms only."
+  text += HasCgalOracle() ? "The exact oracle over CGAL is built in. Its AABB tree is GPL-3.0-or-later, so "
+                            "this binary may be "
+                            "passed on under those terms only."
                           : "Without CGAL: truth is brute force in double.";
   return text;
 }

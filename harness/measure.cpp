@@ -164,7 +164,7 @@ std::vector<Measurement> Measure(const std::vector<TimedTask>& tasks,
         state.counters["build_cpu"] = cpu;
       } else {
         Pinned pinned(!task.parallel);
-        task.pass();
+        if (task.warm_up) task.pass();
         for (auto _ : state) {
           task.pass();
           benchmark::ClobberMemory();

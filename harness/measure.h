@@ -52,6 +52,7 @@ struct TimedTask {
   std::function<void()> pass;      ///< one pass over a ray set; an untimed one goes before each sample
   std::function<Seconds()> build;  ///< measures itself, since destroying the tree is no part of it
   uint64_t passes = 1;             ///< passes a sample, unless the user chose --benchmark_min_time
+  bool warm_up = true;             ///< one untimed pass before each sample
   bool parallel = false;           ///< more than one thread: not pinned, the whole process's CPU time
 };
 

@@ -70,6 +70,9 @@ constexpr const char* kSampleColumns[] = {"case_id", "scene",   "structure",  "s
                                           "query",   "threads", "sample",     "sequence", "passes",
                                           "rays",    "seconds", "cpu_seconds"};
 
+/// Text that comes from files and plugins need not be UTF-8; what is not is replaced.
+std::string Dump(const Json& json) { return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n"; }
+
 std::string CsvLine(const auto& fields) { return fmt::format("{}\n", fmt::join(fields, ",")); }
 
 }  // namespace
@@ -167,7 +170,7 @@ void ResultFolder::Store(const Case& key, const Json& values, std::span<const Sa
   }
   const Json file = {
       {"format", 1}, {"plan_index", key.plan_index}, {"case", row}, {"samples", rows_of_samples}};
-  WriteFileAtomically(path_ / "cases" / (id + ".json"), file.dump(1) + "\n");
+  WriteFileAtomically(path_ / "cases" / (id + ".json"), Dump(file));
 }
 
 std::vector<Json> ResultFolder::Cases() const {
@@ -213,7 +216,7 @@ void ResultFolder::WriteCsvs() const {
 }
 
 void ResultFolder::WriteRunJson(const Json& run) const {
-  WriteFileAtomically(path_ / "run.json", run.dump(1) + "\n");
+  WriteFileAtomically(path_ / "run.json", Dump(run));
 }
 
 }  // namespace raybench

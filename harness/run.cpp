@@ -34,8 +34,11 @@ namespace {
 
 /// A sample should last this long; one pass of a full set takes longer and then is the sample.
 constexpr double kSampleSeconds = 0.02;
-/// `brute` is left out where one pass would take more ray-primitive tests than this, about a second.
-constexpr double kBruteBudget = 0x1p28;
+/// A pass longer than this fills the caches in a small part of itself and needs no untimed one before it.
+constexpr double kLongPassSeconds = 0.25;
+/// `brute` is left out where one pass would take more ray-primitive tests than this, about half a second; in
+/// a quick run a quarter of it.
+constexpr double kBruteBudget = 0x1p25;
 /// The same for truth by brute force, over all sets of a scene.
 constexpr double kDoubleOracleBudget = 0x1p31;
 /// A captured set with fewer than 1/16 of the rays wanted is too small to time beside the others.
@@ -395,6 +398,7 @@ class Run {
   }
 
   std::vector<Entrant> Plan(const std::vector<PreparedSet>& sets) {
+    const double brute_budget = options_.quick ? kBruteBudget / 4 : kBruteBudget;
     std::vector<Entrant> entrants;
     plan_size_ = 0;
     for (const Contestant& contestant : contestants_) {
@@ -428,8 +432,8 @@ class Run {
         key.query = QueryName(set.query), key.rays = set.rays.size();
         std::string why = skip;
         if (why.empty() && key.structure == "brute" &&
-            double(key.rays) * double(key.primitives) > kBruteBudget) {
-          why = fmt::format("rays x primitives exceeds {:.0f} million tests a pass", kBruteBudget * 1e-6);
+            double(key.rays) * double(key.primitives) > brute_budget) {
+          why = fmt::format("rays x primitives exceeds {:.0f} million tests a pass", brute_budget * 1e-6);
         }
         for (uint32_t threads : QueryThreads()) {
           key.threads = threads;
@@ -444,7 +448,6 @@ class Run {
       }
       entrants.push_back(std::move(entrant));
     }
-    planned_total_ += plan_size_;
     return entrants;
   }
 
@@ -718,6 +721,7 @@ class Run {
     const double second = warm.Elapsed().wall;
     values["cold_ns"] = (key.threads == 1 ? first.cpu : first.wall) * 1e9 / double(key.rays);
     const double shorter = std::max(1e-7, std::min(first.wall, second));
+    task.warm_up = shorter < kLongPassSeconds;
     task.passes = uint64_t(std::max(1.0, std::round(kSampleSeconds / shorter)));
   }
 
@@ -849,7 +853,7 @@ class Run {
   std::vector<std::string> names_, stems_;  // one per scene, as the four below
   std::vector<Json> scene_notes_, ray_set_facts_, oracles_;
   size_t scene_index_ = 0;
-  uint64_t plan_size_ = 0, planned_total_ = 0;
+  uint64_t plan_size_ = 0;
   std::unique_ptr<Oracle> oracle_;  // of the current scene
   std::optional<ResultFolder> results_;
   std::vector<std::string> warnings_;

@@ -178,7 +178,10 @@ std::string FormatScene(const Rows& scene) {
         std::string cell = found == at.end() ? "-" : Rate(*found->second);
         if (const auto base = at.find({"embree", set}); cell != "-" && spec != "embree" && base != at.end()) {
           const auto rate = Number(*found->second, "rate"), reference = Number(*base->second, "rate");
-          if (rate && reference) cell += fmt::format(" ({:.2f})", *rate / *reference);
+          const bool answers = Text(*found->second, "claim") != "nothing";
+          if (rate && reference && answers) {
+            cell += fmt::format(" ({:.{}f})", *rate / *reference, *rate < 0.01 * *reference ? 4 : 2);
+          }
         }
         cells.push_back(cell);
       }
