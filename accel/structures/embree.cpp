@@ -8,7 +8,7 @@
 #include "accel/structures/embree.h"
 
 #include <fmt/format.h>
-#include <tbb/task_arena.h>
+#include <tbb/global_control.h>
 
 #include <atomic>
 #include <memory>
@@ -54,8 +54,10 @@ class Embree {
 
   Embree(const rb_geometry& geometry, const rb_build_options& options, const Config& config)
       : geometry_(geometry), config_(config), cancel_(options.cancel), limit_(options.memory_limit) {
-    // Debian's Embree is built on oneTBB: the arena is what limits the threads of a build.
-    device_.reset(rtcNewDevice(fmt::format("threads={}", options.threads).c_str()));
+    // Embree builds in a oneTBB arena of its own, so only a process-wide limit binds it. Given to the device
+    // it would hold as long as the tree lives, for other structures' builds too; so it is set for the commit
+    // alone.
+    device_.reset(rtcNewDevice(nullptr));
     if (!device_) throw BuildError("Embree gives no device");
     rtcSetDeviceMemoryMonitorFunction(device_.get(), &CountMemory, this);
     scene_.reset(rtcNewScene(device_.get()));
@@ -68,8 +70,10 @@ class Embree {
     rtcSetSceneProgressMonitorFunction(scene_.get(), &KeepGoing, this);
     if (geometry.triangle_count > 0) AttachTriangles();
     if (geometry.procedural_count > 0) AttachProcedural();
-    tbb::task_arena arena(int(options.threads));
-    arena.execute([&] { rtcJoinCommitScene(scene_.get()); });
+    {
+      tbb::global_control threads(tbb::global_control::max_allowed_parallelism, options.threads);
+      rtcCommitScene(scene_.get());
+    }
     if (RTCError error = rtcGetDeviceError(device_.get()); error != RTC_ERROR_NONE) {
       if (error == RTC_ERROR_CANCELLED) throw BuildError("cancelled");
       if (error == RTC_ERROR_OUT_OF_MEMORY) throw BuildError("over the memory limit");
