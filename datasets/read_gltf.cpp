@@ -37,6 +37,8 @@ bool IgnoreImage(tinygltf::Image*, int, std::string*, std::string*, int, int, co
   return true;
 }
 
+constexpr char kDraco[] = "KHR_draco_mesh_compression";
+
 class GltfReader {
  public:
   GltfReader(const std::filesystem::path& path, const LoadOptions& options)
@@ -79,16 +81,17 @@ class GltfReader {
                   : loader.LoadASCIIFromString(&model_, &error, &warning, bytes.data(),
                                                unsigned(bytes.size()), folder);
     } catch (const std::exception& e) {
-      Fail(fmt::format("is not valid glTF: {}", e.what()));
+      error = e.what();
     }
     if (!ok) {
+      // tinygltf may stumble over the accessors without data that such files have.
+      if (bytes.find(kDraco) != bytes.npos) FailDraco();
       if (error.empty()) error = warning.empty() ? "unknown error" : warning;
       Fail("is not valid glTF: " + error);
     }
   }
 
   void CheckExtensions() const {
-    static const char kDraco[] = "KHR_draco_mesh_compression";
     for (const tinygltf::Mesh& mesh : model_.meshes)
       for (const tinygltf::Primitive& p : mesh.primitives)
         if (p.extensions.count(kDraco)) FailDraco();

@@ -395,12 +395,10 @@ class ObjScan {
         if (!drop_bad_)
           FailLine(fmt::format("face {} refers to vertex {}; allowed are 1 to {}, or -{} to -1",
                                expected_.faces, index, vertex_count_, expected_.vertices));
-        corner = 0;
+        corner = int64_t(vertex_count_ + corner_count) + 1;  // Finish() shall drop it; each its own
       }
       ++corner_count;
-      // A bad corner is never a repeated one: it is not known which vertex was meant.
-      if (corner == 0 || std::find(corners_.begin(), corners_.end(), corner) == corners_.end())
-        corners_.push_back(corner);
+      if (std::find(corners_.begin(), corners_.end(), corner) == corners_.end()) corners_.push_back(corner);
     }
     // Faces of two corners are common and harmless, but not at the end of a file cut off within a line.
     if (corner_count == 0 || (corner_count < 3 && is_unended_line_))

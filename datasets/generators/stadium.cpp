@@ -124,7 +124,7 @@ Scene Generate(const void* config, uint64_t seed) {
   Append(scene, rabbit, AddMaterial(scene, fur));
 
   // The object fills the picture; the seats stand behind it.
-  scene.cameras.push_back({{0.75f, 0.75f, 1.35f}, {0, 0.48f, 0.05f}, {0, 1, 0}, 0.38f});
+  scene.cameras.push_back({{0.8f, 0.8f, 1.55f}, {0, 0.47f, 0.05f}, {0, 1, 0}, 0.38f});
   scene.lights = {{ToFloat(Vec3d{0.35, 0.9, 0.6} * half), Vec3f{1, 1, 1} * 0.7f, false},
                   {ToFloat(Vec3d{-0.7, 0.6, 0.2} * half), Vec3f{1, 1, 1} * 0.3f, false}};
   scene.Finish();

@@ -1,0 +1,227 @@
+// OBJ and OFF files.
+
+#include <gmock/gmock.h>
+
+#include "datasets_testing.h"
+
+namespace raybench {
+namespace {
+
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+using Triangle = std::array<uint32_t, 3>;
+
+class MeshTest : public testing::Test {
+ protected:
+  Scene Obj(const std::string& text, const LoadOptions& options = {}) {
+    return LoadScene(files_.Write("model.obj", text), options);
+  }
+  Scene Off(const std::string& text, const LoadOptions& options = {}) {
+    return LoadScene(files_.Write("model.off", text), options);
+  }
+  std::string ObjError(const std::string& text) { return LoadError(files_.Write("model.obj", text)); }
+  std::string OffError(const std::string& text) { return LoadError(files_.Write("model.off", text)); }
+  ScratchDirectory files_;
+};
+
+const char kSquare[] = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
+
+TEST_F(MeshTest, TrianglesKeepTheirFace) {
+  Scene scene = Obj(std::string(kSquare) + "v 0.5 0.5 1\nf 1 2 3 4\nf 1 2 5\nf 1 3 5 4\n");
+  EXPECT_THAT(scene.triangles, ElementsAre(Triangle{0, 1, 2}, Triangle{0, 2, 3}, Triangle{0, 1, 4},
+                                           Triangle{0, 2, 4}, Triangle{0, 4, 3}));
+  EXPECT_THAT(scene.triangle_face, ElementsAre(0, 0, 1, 2, 2));
+  EXPECT_EQ(scene.stats.faces, 3u);
+  EXPECT_EQ(scene.positions[4], (Vec3f{0.5f, 0.5f, 1}));
+  EXPECT_EQ(scene.name, "model.obj");
+}
+
+TEST_F(MeshTest, NonManifoldFacesStayInOrder) {
+  // One edge with four faces, one of them twice and one turned round.
+  std::string text = "v 0 0 0\nv 0 0 1\nv 1 0 0\nv 0 1 0\nv -1 0 0\n";
+  Scene scene = Obj(text + "f 1 2 3\nf 1 2 4\nf 1 2 5\nf 1 2 4\nf 2 1 4\n");
+  EXPECT_THAT(scene.triangles, ElementsAre(Triangle{0, 1, 2}, Triangle{0, 1, 3}, Triangle{0, 1, 4},
+                                           Triangle{0, 1, 3}, Triangle{1, 0, 3}));
+  EXPECT_THAT(scene.triangle_face, ElementsAre(0, 1, 2, 3, 4));
+  EXPECT_EQ(scene.positions.size(), 5u);
+}
+
+TEST_F(MeshTest, IndicesOfEveryKind) {
+  Scene scene = Obj(
+      "# a comment\r\nmtllib none.mtl\nv\t0 0 0 1.0\r\nv 1 0 0 0.5 0.5 0.5\nvt 0 0\nvn 0 0 1\nv 0 1 0 # 7 8\n"
+      "g group\nf -3 -2 -1\nf 1/1 2/1 3/1\nf 1//1 2//1 3//1 # 4\nf 1/1/1 2/1/1 \\\n 3/1/1\nl 1 2\np 1\nf 1 2 "
+      "4\nv 0 0 1\n"
+      "f -1 +1 2");
+  EXPECT_THAT(scene.triangles, ElementsAre(Triangle{0, 1, 2}, Triangle{0, 1, 2}, Triangle{0, 1, 2},
+                                           Triangle{0, 1, 2}, Triangle{0, 1, 3}, Triangle{3, 0, 1}));
+  EXPECT_EQ(scene.positions.size(), 4u);
+}
+
+TEST_F(MeshTest, RepeatedAndMissingCornersAreDegenerate) {
+  Scene scene = Obj(std::string(kSquare) + "f 1 1 2\nf 1 2\nf 1 2 2 3\nf 1 2 3\nf 1 2 1 2\n");
+  EXPECT_THAT(scene.triangles, ElementsAre(Triangle{0, 1, 2}, Triangle{0, 1, 2}));
+  EXPECT_THAT(scene.triangle_face, ElementsAre(2, 3));
+  EXPECT_EQ(scene.stats.faces, 5u);
+  EXPECT_EQ(scene.stats.degenerate_triangles, 1u + 1u + 1u + 2u);
+}
+
+TEST_F(MeshTest, Materials) {
+  files_.Write("some materials.mtl",
+               "newmtl red\nKd 1 0 0\nKs 0.5 0.25 0\nNs 96\nillum 2\n\nnewmtl mirror\nillum 3\nKd .1 .1 "
+               ".1\nKs 0.9 0.8 0.7\n"
+               "newmtl glass\nd 0.25\nNi 1.33\nKd 1 1 1\nKe 0 0 2\nmap_Kd missing.png\n");
+  Scene scene = Obj(std::string("mtllib some materials.mtl\n") + kSquare +
+                    "f 1 2 3\nusemtl mirror\nf 1 2 3\nusemtl glass\nf 1 2 3 4\nusemtl nowhere\nf 1 3 "
+                    "4\nusemtl red\nf 2 3 4\n");
+  ASSERT_EQ(scene.triangles.size(), 6u);
+  auto material = [&](uint32_t i) { return scene.materials[scene.MaterialOf(i)]; };
+  EXPECT_EQ(material(0).name, "default");
+  EXPECT_EQ(material(1).name, "mirror");
+  EXPECT_EQ(material(1).reflect, (Vec3f{0.9f, 0.8f, 0.7f}));
+  EXPECT_EQ(material(2).transmit, (Vec3f{0.75f, 0.75f, 0.75f}));
+  EXPECT_EQ(material(3).ior, 1.33f);
+  EXPECT_EQ(material(3).diffuse, (Vec3f{0.25f, 0.25f, 0.25f}));
+  EXPECT_EQ(material(3).emission, (Vec3f{0, 0, 1}));
+  EXPECT_EQ(material(4).name, "nowhere");
+  EXPECT_EQ(material(4).diffuse, Material().diffuse);
+  EXPECT_EQ(material(5).diffuse, (Vec3f{1, 0, 0}));
+  EXPECT_EQ(material(5).specular, (Vec3f{0.5f, 0.25f, 0}));
+  EXPECT_EQ(material(5).shininess, 96);
+  EXPECT_EQ(material(5).reflect, (Vec3f{0, 0, 0}));
+}
+
+TEST_F(MeshTest, ObjErrors) {
+  EXPECT_THAT(LoadError((files_.path() / "none.obj").string()), HasSubstr("no such file"));
+  std::filesystem::create_directory(files_.path() / "folder.obj");
+  EXPECT_THAT(LoadError((files_.path() / "folder.obj").string()), HasSubstr("is a directory"));
+  EXPECT_THAT(ObjError(""), HasSubstr("is empty"));
+  EXPECT_THAT(ObjError("\n\n# nothing\n"), HasSubstr("no faces"));
+  EXPECT_THAT(ObjError(kSquare), HasSubstr("no faces"));
+  EXPECT_THAT(ObjError(std::string("\x7f"
+                                   "ELF\0\1\2\n\0v\n",
+                                   12)),
+              HasSubstr("no faces"));
+  std::string square = kSquare;
+  EXPECT_THAT(ObjError(square + "f 1 2 99\n"),
+              AllOf(HasSubstr("line 5"), HasSubstr("vertex 99; allowed are 1 to 4")));
+  EXPECT_THAT(ObjError(square + "f 1 2 0\n"), HasSubstr("refers to vertex 0"));
+  EXPECT_THAT(ObjError(square + "f 1 2 -5\n"), HasSubstr("refers to vertex -5"));
+  EXPECT_THAT(ObjError(square + "f 1 2 99999999999\n"), HasSubstr("refers to vertex 99999999999"));
+  EXPECT_THAT(ObjError(square + "f 1 2 9999999999999999999999\n"), HasSubstr("an index such as"));
+  EXPECT_THAT(ObjError(square + "f 1 2 x\n"), HasSubstr("corner 'x'"));
+  EXPECT_THAT(ObjError(square + "f /1 /2 /3\n"), HasSubstr("corner '/1'"));
+  EXPECT_THAT(ObjError(square + "f 1 2 3.5\n"), HasSubstr("corner '3.5'"));
+  EXPECT_THAT(ObjError(square + "f\n"), HasSubstr("0 corners"));
+  EXPECT_THAT(ObjError(square + "f 1 2 3\nf 1 2"), HasSubstr("2 corners"));
+  EXPECT_THAT(ObjError(square + "f 1 2 3\nv 1 2"), HasSubstr("vertex 4 has 2 coordinates"));
+  EXPECT_THAT(ObjError("v 0 nan 0\n" + square + "f 1 2 3\n"),
+              AllOf(HasSubstr("line 1"), HasSubstr("vertex 0"), HasSubstr("finite")));
+  EXPECT_THAT(ObjError(square + "v 0 -INF 0\nf 1 2 3\n"), AllOf(HasSubstr("vertex 4"), HasSubstr("finite")));
+  EXPECT_THAT(ObjError(square + "v 0 1e39 0\nf 1 2 3\n"), AllOf(HasSubstr("vertex 4"), HasSubstr("finite")));
+  EXPECT_THAT(ObjError(square + "v 0 1e999 0\nf 1 2 3\n"), AllOf(HasSubstr("vertex 4"), HasSubstr("finite")));
+  EXPECT_THAT(ObjError(square + "v 0 1,5 0\nf 1 2 3\n"), HasSubstr("'1,5'; a number is needed"));
+}
+
+TEST_F(MeshTest, TinyNumbersAreNumbers) {
+  Scene scene = Obj(std::string(kSquare) + "v 1e-999 -1e-60 2\nf 1 2 5\n");
+  EXPECT_EQ(scene.positions[4].z, 2.0f);
+  EXPECT_EQ(scene.positions[4].x, 0.0f);
+}
+
+TEST_F(MeshTest, BadTrianglesAreDroppedWhenAsked) {
+  LoadOptions options;
+  options.drop_bad = true;
+  Scene scene =
+      Obj("v nan 0 0\n" + std::string(kSquare) + "f 2 3 4\nf 1 2 3\nf 2 3 99\nf 3 4 5\nf 0 0 0\nf 2 4 5\n",
+          options);
+  EXPECT_THAT(scene.triangle_face, ElementsAre(0, 3, 5));
+  EXPECT_EQ(scene.positions[2], (Vec3f{1, 0, 0}));
+  EXPECT_EQ(scene.stats.dropped_triangles, 3u);
+  scene = Off("OFF\n4 4 0\n0 0 0\ninf 0 1\n1 0 0\n0 1 0\n3 0 2 3\n3 0 1 2\n3 0 2 -7\n3 3 2 0\n", options);
+  EXPECT_THAT(scene.triangle_face, ElementsAre(0, 3));
+  EXPECT_EQ(scene.stats.dropped_triangles, 2u);
+}
+
+TEST_F(MeshTest, OffOfEveryKind) {
+  const char* files[] = {
+      "OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n4 0 1 2 3\n",
+      "OFF 4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n4 0 1 2 3",
+      "# first\n\nOFF # kind\n# counts\n4 2\n\n0 0 0\n1 0 0 # x\n1 1 0\n0 1 0\n3 0 1 2\n\n4  0 1 2 3\n",
+      "OFF\r\n4 2 0\r\n0 0 0\r\n1 0 0\r\n1 1 0\r\n0 1 0\r\n3 0 1 2 255 0 0\r\n4 0 1 2 3 0.5 0.5 0.5 1\r\n",
+      "COFF\n4 2 0\n0 0 0 255 0 0 255\n1 0 0 1 2 3 4\n1 1 0 1 2 3 4\n0 1 0 1 2 3 4\n3 0 1 2 9\n4 0 1 2 3\n",
+      "NOFF\n4 2 0\n0 0 0 0 0 1\n1 0 0 0 0 1\n1 1 0 0 0 1\n0 1 0 0 0 1\n3 0 1 2\n4 0 1 2 3\n"};
+  for (const char* text : files) {
+    Scene scene = Off(text);
+    EXPECT_THAT(scene.triangles, ElementsAre(Triangle{0, 1, 2}, Triangle{0, 1, 2}, Triangle{0, 2, 3}))
+        << text;
+    EXPECT_THAT(scene.triangle_face, ElementsAre(0, 1, 1));
+    EXPECT_EQ(scene.positions[2], (Vec3f{1, 1, 0}));
+    EXPECT_EQ(scene.stats.faces, 2u);
+  }
+}
+
+TEST_F(MeshTest, OffErrors) {
+  EXPECT_THAT(OffError(""), HasSubstr("is empty"));
+  EXPECT_THAT(OffError("ply\n"), HasSubstr("the header is 'ply'"));
+  EXPECT_THAT(OffError("4OFF\n1 1 1\n"), HasSubstr("header"));
+  EXPECT_THAT(OffError("OFF BINARY\n"), HasSubstr("binary"));
+  EXPECT_THAT(OffError("OFF\n"), HasSubstr("ends early"));
+  EXPECT_THAT(OffError("OFF\n3 x\n"), HasSubstr("counts"));
+  EXPECT_THAT(OffError("OFF\n-3 1 0\n"), HasSubstr("counts"));
+  EXPECT_THAT(OffError("OFF\n3 0 0\n0 0 0\n"), HasSubstr("no faces"));
+  EXPECT_THAT(OffError("OFF\n4294967295 1 0\n"), HasSubstr("counts"));
+  EXPECT_THAT(OffError("OFF\n2000000000 1000000000 0\n0 0 0\n"),
+              HasSubstr("ends early: vertex 1 of 2000000000"));
+  std::string three = "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n";
+  EXPECT_THAT(OffError(three), HasSubstr("ends early: face 0 of 1"));
+  EXPECT_THAT(OffError(three + "3 0 1"), HasSubstr("2 of its 3 corners"));
+  EXPECT_THAT(OffError(three + "4294967295 0 1 2"), HasSubstr("3 of its 4294967295 corners"));
+  EXPECT_THAT(OffError(three + "3 0 1 3"),
+              HasSubstr("line 6: face 0 refers to vertex 3; allowed are 0 to 2"));
+  EXPECT_THAT(OffError(three + "3 0 1 -1"), HasSubstr("refers to vertex -1"));
+  EXPECT_THAT(OffError(three + "3 0 1 a"), HasSubstr("corner 'a'"));
+  EXPECT_THAT(OffError("OFF\n3 1 0\n0 0 0\n1 nan 0\n0 1 0\n3 0 1 2\n"),
+              AllOf(HasSubstr("vertex 1"), HasSubstr("finite")));
+  EXPECT_THAT(OffError("OFF\n3 1 0\n0 0 0\n1 0\n0 1 0\n3 0 1 2\n"), HasSubstr("vertex 1 has 2 coordinates"));
+}
+
+TEST_F(MeshTest, EveryTruncationLoadsOrNamesTheFile) {
+  std::string obj = std::string(kSquare) + "f 1 2 3 4\nf 1/1/1 2/2/2 3/3/3\n",
+              off = "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+  for (const auto& [name, text] : {std::pair{"cut.obj", obj}, std::pair{"cut.off", off}})
+    for (size_t n = 0; n < text.size(); ++n) {
+      std::string path = files_.Write(name, text.substr(0, n));
+      try {
+        LoadScene(path);
+      } catch (const InputError& e) {
+        EXPECT_THAT(std::string(e.what()), testing::StartsWith(path + ": "));
+      }
+    }
+}
+
+TEST_F(MeshTest, ProgressRisesToOne) {
+  std::string text = kSquare;
+  for (int i = 0; i < 200000; ++i) text += "f 1 2 3\n";
+  std::vector<double> seen;
+  LoadOptions options;
+  options.progress = [&](double fraction) { seen.push_back(fraction); };
+  EXPECT_EQ(Obj(text, options).triangles.size(), 200000u);
+  EXPECT_GE(seen.size(), 3u);
+  EXPECT_TRUE(std::is_sorted(seen.begin(), seen.end()));
+  EXPECT_EQ(seen.back(), 1.0);
+}
+
+TEST(LoadSceneTest, UnknownNamesListWhatIsAllowed) {
+  EXPECT_THAT(LoadError("tepot"), AllOf(HasSubstr("sphereflake"), HasSubstr("engine"), HasSubstr(".glb")));
+  EXPECT_THAT(LoadError("sphereflake(dept=3)"), HasSubstr("depth"));
+  EXPECT_THAT(LoadError("engine(x=1)"), HasSubstr("no parameters"));
+  ScratchDirectory files;
+  EXPECT_THAT(LoadError(files.Write("model.3ds", "x")),
+              AllOf(HasSubstr("unknown format"), HasSubstr(".obj")));
+  EXPECT_THAT(LoadError(files.path().string()), HasSubstr("is a directory"));
+}
+
+}  // namespace
+}  // namespace raybench
