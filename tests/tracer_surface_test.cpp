@@ -2,6 +2,8 @@
 
 #include <cmath>
 #include <limits>
+#include <ostream>
+#include <string>
 
 #include "tests/tracer_testing.h"
 #include "tracer/surface.h"
@@ -20,7 +22,10 @@ rb_ray RayFrom(Vec3f org, Vec3d dir) {
 }
 
 struct OffsetCase {
+  const char* name;
   double scale, distance;  ///< size of the triangle; distance from the origin in such sizes
+
+  friend void PrintTo(const OffsetCase& c, std::ostream* out) { *out << c.name; }
 };
 
 class TracerErrorBoundOffset : public ::testing::TestWithParam<OffsetCase> {
@@ -37,7 +42,7 @@ class TracerErrorBoundOffset : public ::testing::TestWithParam<OffsetCase> {
 };
 
 TEST_P(TracerErrorBoundOffset, RaysNeverHitTheTriangleTheyLeave) {
-  const auto [scale, distance] = GetParam();
+  const auto [name, scale, distance] = GetParam();
   uint64_t rays = 0, hits = 0, naive_hits = 0;
   double longest_step = 0;  // in ulps (2^-23) of the larger of coordinates and size
   for (uint64_t i = 0; i < 400; ++i) {
@@ -85,20 +90,19 @@ TEST_P(TracerErrorBoundOffset, RaysNeverHitTheTriangleTheyLeave) {
     }
   }
   EXPECT_GT(rays, 70000u);
-  EXPECT_EQ(hits, 0u);
+  EXPECT_EQ(hits, 0u) << name;
   EXPECT_GT(naive_hits, rays / 20) << "the test must see self-hits where there is no offset";
   EXPECT_LT(longest_step, 6);
 }
 
 INSTANTIATE_TEST_SUITE_P(ScalesAndDistances, TracerErrorBoundOffset,
-                         ::testing::Values(OffsetCase{1e-3, 0}, OffsetCase{1e-3, 1e3}, OffsetCase{1, 0},
-                                           OffsetCase{1, 10}, OffsetCase{1, 1e3}, OffsetCase{1e3, 0},
-                                           OffsetCase{1e3, 1e3}, OffsetCase{1e6, 0}, OffsetCase{1e6, 100}),
-                         [](const auto& info) {
-                           return "scale_1e" +
-                                  std::to_string(int(std::floor(std::log10(info.param.scale) + 0.5)) + 10) +
-                                  "minus10_distance_" + std::to_string(int(info.param.distance));
-                         });
+                         ::testing::Values(OffsetCase{"small", 1e-3, 0},
+                                           OffsetCase{"small_far_1e3", 1e-3, 1e3}, OffsetCase{"unit", 1, 0},
+                                           OffsetCase{"unit_far_10", 1, 10},
+                                           OffsetCase{"unit_far_1e3", 1, 1e3}, OffsetCase{"large", 1e3, 0},
+                                           OffsetCase{"large_far_1e3", 1e3, 1e3}, OffsetCase{"huge", 1e6, 0},
+                                           OffsetCase{"huge_far_1e3", 1e6, 1e3}),
+                         [](const auto& info) { return std::string(info.param.name); });
 
 TEST(TracerSurface, AThinBlockerCloseToTheSurfaceStillBlocks) {
   // A second triangle 1e-2 sizes above: the offset must not leap over it.
