@@ -171,7 +171,7 @@ def memory(run):
 
 
 def error_and_speed(run):
-    """Share of wrong answers against time per ray: a mark for each ray set, a panel per scene."""
+    """Share of wrong answers against time per ray: together and for each ray set, a panel per scene."""
     cases = timed(run.queries)
     cases = cases[(cases["structure"] != NULL) & cases["errors"].notna()]
     if cases.empty:
@@ -186,9 +186,13 @@ def error_and_speed(run):
         axis.axvline(0, color="#dddddd", linewidth=0.5, zorder=0)
         for spec in run.specs:
             one = here[here["spec"] == spec]
+            _points(axis, one["errors"], None, None, one["median_ns"], *looks[spec], size=1.8, alpha=0.45)
             for query in ("closest", "any"):
                 part = one[one["query"] == query]
-                _points(axis, part["errors"], None, None, part["median_ns"], *looks[spec], hollow=query == "any")
+                if len(part) and set(part["rays_label"]) == set(here.loc[here["query"] == query, "rays_label"]):
+                    share = (part["errors"] * part["verified"]).sum() / part["verified"].sum()
+                    ns = (part["median_ns"] * part["rays"]).sum() / part["rays"].sum()
+                    _points(axis, [share], None, None, [ns], *looks[spec], hollow=query == "any", size=4.5)
             worst = one.sort_values("errors").tail(1)
             for case in worst[worst["errors"] > 0].itertuples():
                 axis.annotate(
@@ -217,8 +221,8 @@ def error_and_speed(run):
         f"share of wrong answers, {_threads(threads)}",
         style.legend(figure, marks),
         [
-            "Down and left is better. One mark per ray set, hollow where any hit ends the ray.",
-            "The worst set of each structure is named.",
+            "Down and left is better. Large marks: all ray sets together, filled for closest-hit and hollow for any-hit "
+            "queries. Small ones: single ray sets, the worst of each structure named.",
             "Wrong: leak, wrong primitive, false miss or false hit; marginal ones are not counted.",
             f"Shares of {few:,.0f}{f' to {many:,.0f}' if many > few else ''} verified rays each; 0: none among these.",
         ],
@@ -259,7 +263,7 @@ def _ray_set_panels(run, cases, label, notes):
     )
 
 
-def _points(axis, x, low, high, y, colour, mark, hollow=False):
+def _points(axis, x, low, high, y, colour, shape, hollow=False, size=3.0, alpha=1.0):
     """Marks at (x, y) with horizontal lines from low to high."""
     y = np.broadcast_to(y, len(x))
     if low is not None:
@@ -267,11 +271,13 @@ def _points(axis, x, low, high, y, colour, mark, hollow=False):
     axis.plot(
         x,
         y,
-        marker=mark,
+        marker=shape,
         color=colour,
-        markerfacecolor="white" if hollow else colour,
-        markeredgewidth=0.7,
+        markersize=size,
+        markerfacecolor="none" if hollow else colour,
+        markeredgewidth=0.7 if alpha == 1 else 0,
         linestyle="none",
+        alpha=alpha,
         clip_on=False,
         zorder=3,
     )
