@@ -15,18 +15,16 @@ namespace {
 
 constexpr const char* kFooter = R"help(
 Examples:
-  raybench run                                     the main job: a real model and two procedural scenes
-  raybench run --quick                             the same with few rays, within a minute
+  raybench run                          the main job: a real model and two procedural scenes
+  raybench run --quick                  the same with few rays, within a minute
   raybench run model.glb --structures "bvh_sah,bvh_sah(numerics=fast),embree" --out results/mine
-  raybench run "sphereflake(depth=5)" --rays 1M --threads 1,
-                     2 --seed 7 raybench run model.obj-- plugin./ libmine.so-- structures mine,
-                     bvh_sah raybench render engine -
-                         o engine.png-- size 1280x720 raybench list structures parameters with ranges
-                                 and defaults raybench fetch engine get a real model raybench report results /
-                             mine draw the plots Exit codes : 0 fine;
-1 a claim was broken;
-2 wrong input;
-3 inconclusive; 130 interrupted.)help";
+  raybench run "sphereflake(depth=5)" --rays 1M --threads 1,2 --seed 7
+  raybench run model.obj --plugin ./libmine.so --structures mine,bvh_sah
+  raybench render engine -o engine.png --size 1280x720
+  raybench list structures              parameters with ranges and defaults
+  raybench fetch engine                 get a real model
+  raybench report results/mine          draw the plots
+Exit codes: 0 fine; 1 a claim was broken; 2 wrong input; 3 inconclusive; 130 interrupted.)help";
 
 /// "640x480", each side 1 to 16384.
 void ParseSize(const std::string& text, RenderOptions& options) {
@@ -49,7 +47,7 @@ int Main(std::vector<std::string> arguments) {
 
   CLI::App app("Benchmark of ray-tracing acceleration structures", "raybench");
   app.footer(kFooter);
-  app.require_subcommand(1);
+  app.require_subcommand(0, 1);
   app.fallthrough();
   app.set_version_flag(
       "--version", [] { return VersionText(); }, "Versions, commit and libraries");
@@ -118,7 +116,7 @@ int Main(std::vector<std::string> arguments) {
                            "Leave out bad triangles instead of refusing the file");
 
   CLI::App* list_command = app.add_subcommand("list", "What there is");
-  list_command->require_subcommand(1);
+  list_command->require_subcommand(0, 1);
   list_command->fallthrough();
   CLI::App* list_structures = list_command->add_subcommand("structures", "Structures with their parameters");
   CLI::App* list_scenes = list_command->add_subcommand("scenes", "Generators and models");
@@ -149,6 +147,13 @@ int Main(std::vector<std::string> arguments) {
   if (!run.benchmark_flags.empty() && !run_command->parsed()) {
     throw InputError(
         fmt::format("{}: only `raybench run` takes arguments of Google Benchmark", run.benchmark_flags[0]));
+  }
+
+  if (app.get_subcommands().empty()) {
+    throw InputError("no command given; commands: run, render, list, fetch, report; see raybench --help");
+  }
+  if (list_command->parsed() && list_command->get_subcommands().empty()) {
+    throw InputError("raybench list: say 'structures' or 'scenes'");
   }
 
   CatchInterrupts();

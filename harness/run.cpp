@@ -175,8 +175,13 @@ class Run {
       results_.emplace(out, options_.resume);
       WriteRunJson(false);
       for (scene_index_ = 0; scene_index_ < scenes_.size(); ++scene_index_) RunScene();
-    } catch (const InterruptedError&) {
-      interrupted = true;
+    } catch (...) {
+      // Whatever ends the run, a cancelled build included, the finished cases stay readable.
+      interrupted = Interrupted();
+      if (!interrupted) {
+        if (results_) results_->WriteCsvs();
+        throw;
+      }
     }
     progress_.Clear();
     return Finish(interrupted);

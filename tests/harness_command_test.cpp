@@ -1,0 +1,475 @@
+// The raybench command as a user meets it: exit codes, error lines, files, Ctrl-C, plugins.
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <sstream>
+#include <thread>
+
+#include "harness/build_info.h"
+#include "harness/oracle.h"
+#include "harness/results.h"
+
+namespace raybench {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string Read(const fs::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  std::ostringstream text;
+  text << in.rdbuf();
+  return text.str();
+}
+
+struct Outcome {
+  int exit_code = -1;
+  std::string out, err;
+};
+
+/// Rows of a CSV file by column name; quoted fields as RFC 4180 says.
+std::vector<std::map<std::string, std::string>> ReadCsv(const fs::path& path) {
+  std::vector<std::vector<std::string>> lines(1, {""});
+  bool quoted = false;
+  for (const std::string text = Read(path); char c : text) {
+    if (c == '"') {
+      quoted = !quoted;
+    } else if (c == ',' && !quoted) {
+      lines.back().emplace_back();
+    } else if (c == '\n' && !quoted) {
+      lines.push_back({""});
+    } else {
+      lines.back().back() += c;
+    }
+  }
+  lines.pop_back();
+  std::vector<std::map<std::string, std::string>> rows;
+  for (size_t r = 1; r < lines.size(); ++r) {
+    EXPECT_EQ(lines[r].size(), lines[0].size());
+    rows.emplace_back();
+    for (size_t c = 0; c < lines[0].size(); ++c) rows.back()[lines[0][c]] = lines[r][c];
+  }
+  return rows;
+}
+
+class HarnessCommand : public ::testing::Test {
+ protected:
+  HarnessCommand()
+      : folder_(fs::path(::testing::TempDir()) /
+                fmt::format("raybench_{}_{}", ::testing::UnitTest::GetInstance()->current_test_info()->name(),
+                            getpid())) {
+    fs::create_directories(folder_);
+  }
+  ~HarnessCommand() override { fs::remove_all(folder_); }
+
+  pid_t Start(std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), (fs::path(kBinaryDirectory) / "raybench").string());
+    std::vector<char*> argv;
+    for (std::string& a : arguments) argv.push_back(a.data());
+    argv.push_back(nullptr);
+    posix_spawn_file_actions_t actions;
+    posix_spawn_file_actions_init(&actions);
+    const int flags = O_WRONLY | O_CREAT | O_TRUNC;
+    posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, (folder_ / "stdout").c_str(), flags, 0600);
+    posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, (folder_ / "stderr").c_str(), flags, 0600);
+    pid_t pid = 0;
+    EXPECT_EQ(posix_spawn(&pid, argv[0], &actions, nullptr, argv.data(), environ), 0);
+    posix_spawn_file_actions_destroy(&actions);
+    return pid;
+  }
+  Outcome Finish(pid_t pid) {
+    int status = 0;
+    waitpid(pid, &status, 0);
+    return {WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status), Read(folder_ / "stdout"),
+            Read(folder_ / "stderr")};
+  }
+  Outcome Call(std::vector<std::string> arguments) { return Finish(Start(std::move(arguments))); }
+
+  /// A run small enough for a test; `more` comes last.
+  std::vector<std::string> TinyRun(const std::string& out, std::vector<std::string> more = {}) const {
+    std::vector<std::string> words = {"run",       "icosphere(level=1)",
+                                      "--quick",   "--rays",
+                                      "256",       "--depth",
+                                      "1",         "--seed",
+                                      "3",         "--no-report",
+                                      "--out",     (folder_ / out).string(),
+                                      "--threads", "1"};
+    words.insert(words.end(), more.begin(), more.end());
+    return words;
+  }
+
+  /// tests/plugins as a project of its own that finds raybench by find_package; the folder with the
+  /// libraries.
+  fs::path BuildPlugins() {
+    const fs::path build = fs::path(kBinaryDirectory) / "test_plugins";
+    const std::string command = fmt::format(
+        "flock '{0}.lock' sh -c \"'{1}' -S '{2}/tests/plugins' -B '{0}' '-Draybench_DIR={3}' "
+        "'-DCMAKE_CXX_COMPILER={4}' && '{1}' --build '{0}'\" > '{5}' 2>&1",
+        build.string(), kCmakeCommand, kSourceDirectory, kBinaryDirectory, kCompilerPath,
+        (folder_ / "log").string());
+    EXPECT_EQ(std::system(command.c_str()), 0) << Read(folder_ / "log");
+    return build;
+  }
+
+  fs::path folder_;
+};
+
+TEST_F(HarnessCommand, WrongInputIsOneLineAndExitCode2) {
+  const std::string out = (folder_ / "out").string();
+  std::ofstream(folder_ / "broken.obj") << "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n";
+  std::ofstream(folder_ / "nan.off") << "OFF\n3 1 0\n0 0 0\n1 0 0\n0 nan 0\n3 0 1 2\n";
+  std::ofstream(folder_ / "plain.txt") << "hello\n";
+  const std::string ball = "icosphere(level=1)";
+  struct Row {
+    std::vector<std::string> arguments;
+    std::string says;  // part of the line
+  };
+  for (const Row& row : std::vector<Row>{
+           {{}, "no command given; commands: run, render"},
+           {{"frobnicate"}, "frobnicate"},
+           {{"run", "--bogus"}, "--bogus"},
+           {{"run", ball, "--rays", "12", "--out", out}, "--rays"},
+           {{"run", ball, "--rays", "many", "--out", out}, "--rays"},
+           {{"run", ball, "--repetitions", "0", "--out", out}, "--repetitions"},
+           {{"run", ball, "--threads", "0", "--out", out}, "--threads"},
+           {{"run", ball, "--seed", "-x", "--out", out}, "--seed"},
+           {{"run", ball, "--structures", "nosuch", "--out", out},
+            "unknown structure 'nosuch'; known: brute, bvh_sah"},
+           {{"run", ball, "--structures", "", "--out", out}, ""},
+           {{"run", ball, "--structures", "bvh_sah(nosuch=1)", "--out", out}, "nosuch"},
+           {{"run", ball, "--structures", "bvh_sah(numerics=sloppy)", "--out", out}, "sloppy"},
+           {{"run", ball, "--structures", "bvh_sah(leaf_size=-1)", "--out", out}, "leaf_size"},
+           {{"run", ball, "--structures", "bvh_sah(leaf_size", "--out", out}, "bvh_sah(leaf_size"},
+           {{"run", ball, "--structures", "null,null", "--out", out}, "'null' is given twice"},
+           {{"run", ball, ball, "--out", out}, "is given twice"},
+           {{"run", "nosuch", "--out", out}, "nosuch"},
+           {{"run", "no/such.obj", "--out", out}, "no/such.obj"},
+           {{"run", "icosphere(level=99)", "--out", out}, "level"},
+           {{"run", "icosphere(depth=1)", "--out", out}, "depth"},
+           {{"run", (folder_ / "broken.obj").string(), "--out", out}, "broken.obj"},
+           {{"run", (folder_ / "nan.off").string(), "--out", out}, "nan.off"},
+           {{"run", (folder_ / "plain.txt").string(), "--out", out}, "plain.txt"},
+           {{"run", ball, "--resume"}, "--out"},
+           {{"run", ball, "--benchmark_bogus=1", "--out", out}, "--benchmark_bogus=1"},
+           {{"run", ball, "--benchmark_repetitions=3", "--out", out}, "--repetitions"},
+           {{"list", "structures", "--benchmark_filter=x"}, "--benchmark_filter=x"},
+           {{"render", ball}, "--out"},
+           {{"render", ball, "-o", (folder_ / "a.jpg").string()}, ".png, .exr"},
+           {{"render", ball, "-o", out + ".png", "--size", "0x10"}, "--size"},
+           {{"render", ball, "-o", out + ".png", "--size", "wide"}, "--size"},
+           {{"render", ball, "-o", (folder_ / "no/such/folder.png").string(), "--size", "8x8"}, "folder.png"},
+           {{"render", "sphereflake(depth=1,tessellation=0)", "--structure", "nosuch", "-o", out + ".png"},
+            "nosuch"},
+           {{"list"}, "'structures' or 'scenes'"},
+           {{"list", "colours"}, "colours"},
+           {{"fetch"}, "--all"},
+           {{"fetch", "nosuch"}, "nosuch"},
+           {{"report", (folder_ / "nowhere").string()}, "nowhere"},
+           {{"--plugin", (folder_ / "nowhere.so").string(), "list", "structures"}, "nowhere.so"},
+           {{"list", "structures", "--plugin", (folder_ / "plain.txt").string()}, "plain.txt"},
+       }) {
+    SCOPED_TRACE(::testing::PrintToString(row.arguments));
+    const Outcome outcome = Call(row.arguments);
+    EXPECT_EQ(outcome.exit_code, 2) << outcome.err;
+    EXPECT_EQ(outcome.out, "");
+    EXPECT_NE(outcome.err.find(row.says), std::string::npos) << outcome.err;
+    // What had been noticed before may stand above the last line, which says what is wrong.
+    const size_t last = outcome.err.rfind('\n', outcome.err.size() < 2 ? 0 : outcome.err.size() - 2);
+    const std::string line = last == std::string::npos ? outcome.err : outcome.err.substr(last + 1);
+    EXPECT_TRUE(line.starts_with("raybench: ")) << outcome.err;
+    EXPECT_FALSE(fs::exists(out));
+    EXPECT_FALSE(fs::exists(out + ".png"));
+  }
+}
+
+TEST_F(HarnessCommand, HelpAndVersionAreComplete) {
+  const Outcome help = Call({"--help"});
+  EXPECT_EQ(help.exit_code, 0);
+  for (const char* word : {"run", "render", "list", "fetch", "report", "Examples:", "Exit codes:"}) {
+    EXPECT_NE(help.out.find(word), std::string::npos) << word;
+  }
+  const Outcome run = Call({"run", "--help"});
+  EXPECT_EQ(run.exit_code, 0);
+  for (const char* option :
+       {"--structures", "--quick", "--out", "--rays", "--verify-rays", "--repetitions", "--threads", "--seed",
+        "--memory-limit", "--resume", "--no-report", "--benchmark_"}) {
+    EXPECT_NE(run.out.find(option), std::string::npos) << option;
+  }
+  const Outcome version = Call({"--version"});
+  EXPECT_EQ(version.exit_code, 0);
+  EXPECT_TRUE(version.out.starts_with(std::string("raybench ") + kVersion));
+  EXPECT_NE(version.out.find("GPL"), std::string::npos)
+      << "with CGAL the licence is named, without it this fails";
+}
+
+TEST_F(HarnessCommand, ListShowsParametersWithRangesAndDefaults) {
+  const Outcome structures = Call({"list", "structures"});
+  EXPECT_EQ(structures.exit_code, 0);
+  for (const char* text : {"bvh_sah: ", "null: ", "brute: ", "numerics", "default watertight", "source: "}) {
+    EXPECT_NE(structures.out.find(text), std::string::npos) << text;
+  }
+  const Outcome scenes = Call({"list", "scenes"});
+  EXPECT_EQ(scenes.exit_code, 0);
+  for (const char* text : {"sphereflake: ", "stadium: ", "engine: ", "fetched", "licence: ", ".glb"}) {
+    EXPECT_NE(scenes.out.find(text), std::string::npos) << text;
+  }
+}
+
+TEST_F(HarnessCommand, RenderWritesAPicture) {
+  const fs::path png = folder_ / "ball.png";
+  const Outcome outcome =
+      Call({"render", "icosphere(level=2)", "-o", png.string(), "--size", "40x30", "--depth", "1"});
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_TRUE(Read(png).starts_with("\x89PNG"));
+  EXPECT_NE(outcome.out.find("1200 camera"), std::string::npos) << outcome.out;
+}
+
+TEST_F(HarnessCommand, TinyRunLeavesEveryFileWithEveryColumn) {
+  const Outcome outcome = Call(TinyRun("out", {"--structures", "brute,bvh_sah,null"}));
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const fs::path out = folder_ / "out";
+  EXPECT_NE(outcome.out.find("watertight ok"), std::string::npos) << outcome.out;
+  EXPECT_TRUE(fs::exists(out / "images" / "icosphere_level_1.png"));
+  EXPECT_TRUE(fs::exists(out / "images" / "icosphere_level_1.exr"));
+
+  const auto rows = ReadCsv(out / "cases.csv");
+  ASSERT_FALSE(rows.empty());
+  size_t files = 0;
+  for (const auto& entry : fs::directory_iterator(out / "cases"))
+    files += entry.path().extension() == ".json";
+  EXPECT_EQ(files, rows.size());
+  std::set<std::string> sets;
+  uint64_t samples = 0;
+  for (const auto& row : rows) {
+    SCOPED_TRACE(row.at("spec") + " " + row.at("ray_set"));
+    for (const char* column : CaseColumns()) EXPECT_TRUE(row.contains(column)) << column;
+    EXPECT_EQ(row.at("status"), "timed");
+    EXPECT_EQ(row.at("samples"), "6");
+    EXPECT_EQ(row.at("seed"), "3");
+    EXPECT_GT(std::stod(row.at("median_ns")), 0);
+    EXPECT_LE(std::stod(row.at("lo_ns")), std::stod(row.at("median_ns")));
+    EXPECT_GE(std::stod(row.at("hi_ns")), std::stod(row.at("median_ns")));
+    samples += 6;
+    sets.insert(row.at("ray_set"));
+    if (row.at("query") == "build") continue;
+    EXPECT_EQ(row.at("verified"), row.at("rays")) << "a small set is verified whole";
+    uint64_t classes = 0;
+    for (size_t v = 0; v < size_t(Verdict::kCount); ++v)
+      classes += std::stoull(row.at(VerdictName(Verdict(v))));
+    EXPECT_EQ(classes, std::stoull(row.at("verified")));
+    if (row.at("structure") == "null") {
+      EXPECT_EQ(row.at("hits"), "0");
+      EXPECT_EQ(row.at("claim"), "nothing");
+    } else {
+      EXPECT_EQ(row.at("leak"), "0");
+      EXPECT_EQ(row.at("wrong"), "0");
+      EXPECT_EQ(row.at("false_miss"), "0");
+      EXPECT_EQ(row.at("false_hit"), "0");
+    }
+    if (row.at("structure") == "brute") {
+      EXPECT_EQ(row.at("inner_nodes"), "") << "brute shows no nodes: empty, not 0";
+    }
+    if (row.at("structure") == "bvh_sah") {
+      EXPECT_GT(std::stod(row.at("sah_cost")), 1);
+      EXPECT_GE(std::stoull(row.at("references")), 80u);
+    }
+  }
+  for (const char* set : {"build", "camera", "random", "diffuse", "aimed"})
+    EXPECT_TRUE(sets.contains(set)) << set;
+
+  const auto sample_rows = ReadCsv(out / "samples.csv");
+  EXPECT_EQ(sample_rows.size(), samples);
+  std::set<std::string> sequence;
+  for (const auto& row : sample_rows) {
+    for (const char* column : SampleColumns()) {
+      const bool applies = std::string_view(column) != "rays" || row.at("query") != "build";
+      EXPECT_EQ(row.at(column) != "", applies) << column;
+    }
+    EXPECT_TRUE(sequence.insert(row.at("sequence")).second) << "each sample has its own place in the order";
+    EXPECT_GE(std::stoull(row.at("passes")), 1u);
+  }
+  const auto run = nlohmann::json::parse(Read(out / "run.json"));
+  EXPECT_EQ(run.at("interrupted"), false);
+  EXPECT_EQ(run.at("finished_cases"), rows.size());
+  EXPECT_EQ(run.at("scenes").at(0).at("triangles"), 80);
+  EXPECT_FALSE(run.at("machine").at("cpu").is_null());
+  EXPECT_FALSE(run.at("timing").at("engine_built_as_debug").is_null());
+}
+
+TEST_F(HarnessCommand, SameSeedGivesTheSameCasesApartFromTimes) {
+  for (const char* out : {"a", "b", "c"}) {
+    std::vector<std::string> command = TinyRun(out);
+    if (*out == 'c') std::find(command.begin(), command.end(), "--seed")[1] = "4";
+    ASSERT_EQ(Call(command).exit_code, 0);
+  }
+  const auto without_times = [&](const char* out) {
+    auto rows = ReadCsv(folder_ / out / "cases.csv");
+    for (auto& row : rows) {
+      for (const char* c : {"build_peak_bytes", "cold_ns", "median_ns", "lo_ns", "hi_ns", "rate"})
+        row.erase(c);
+    }
+    return rows;
+  };
+  EXPECT_EQ(without_times("a"), without_times("b"));
+  EXPECT_NE(without_times("a"), without_times("c"));
+}
+
+TEST_F(HarnessCommand, OutputFolderNeedsResumeAndResumeKeepsWhatIsThere) {
+  ASSERT_EQ(Call(TinyRun("out", {"--structures", "null"})).exit_code, 0);
+  const Outcome again = Call(TinyRun("out", {"--structures", "null"}));
+  EXPECT_EQ(again.exit_code, 2);
+  EXPECT_NE(again.err.find("--resume"), std::string::npos);
+  const std::string before = Read(folder_ / "out" / "samples.csv");
+  const Outcome resumed = Call(TinyRun("out", {"--structures", "null", "--resume"}));
+  EXPECT_EQ(resumed.exit_code, 0) << resumed.err;
+  EXPECT_EQ(Read(folder_ / "out" / "samples.csv"), before);
+  // A case taken away is measured again, the others stay.
+  const auto rows = ReadCsv(folder_ / "out" / "cases.csv");
+  fs::remove(folder_ / "out" / "cases" / (rows.back().at("case_id") + ".json"));
+  EXPECT_EQ(Call(TinyRun("out", {"--structures", "null", "--resume"})).exit_code, 0);
+  const auto after = ReadCsv(folder_ / "out" / "cases.csv");
+  ASSERT_EQ(after.size(), rows.size());
+  EXPECT_EQ(after.front(), rows.front());
+  EXPECT_EQ(after.back().at("status"), "timed");
+}
+
+TEST_F(HarnessCommand, BenchmarkFlagsReachTheEngine) {
+  const Outcome outcome = Call(TinyRun("out", {"--structures", "null", "--benchmark_filter=camera"}));
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  for (const auto& row : ReadCsv(folder_ / "out" / "cases.csv")) {
+    EXPECT_EQ(row.at("status"), row.at("ray_set") == "camera" ? "timed" : "skipped");
+    EXPECT_EQ(row.at("note"), row.at("ray_set") == "camera" ? "" : "left out by --benchmark_filter");
+  }
+  EXPECT_EQ(nlohmann::json::parse(Read(folder_ / "out" / "run.json")).at("timing").at("flags"),
+            nlohmann::json({"--benchmark_filter=camera"}));
+}
+
+TEST_F(HarnessCommand, AMemoryLimitSkipsAStructureAndSaysWhy) {
+  const fs::path plugins = BuildPlugins();
+  const Outcome outcome = Call(TinyRun("out", {"--structures", "sorted_list,null", "--memory-limit", "100",
+                                               "--plugin", (plugins / "libsorted_list.so").string()}));
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  for (const auto& row : ReadCsv(folder_ / "out" / "cases.csv")) {
+    EXPECT_EQ(row.at("status"), row.at("structure") == "null" ? "timed" : "skipped");
+    EXPECT_EQ(row.at("note"), row.at("structure") == "null" ? "" : "sorted_list: the list needs 960 bytes");
+  }
+}
+
+TEST_F(HarnessCommand, AStructureForTrianglesOnlyIsSkippedOnSpheres) {
+  const fs::path plugins = BuildPlugins();
+  std::vector<std::string> command = TinyRun(
+      "out", {"--structures", "sorted_list,bvh_sah", "--plugin", (plugins / "libsorted_list.so").string()});
+  command[1] = "sphereflake(depth=1,tessellation=0)";
+  const Outcome outcome = Call(command);
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  for (const auto& row : ReadCsv(folder_ / "out" / "cases.csv")) {
+    const bool skipped = row.at("structure") == "sorted_list";
+    EXPECT_EQ(row.at("status"), skipped ? "skipped" : "timed");
+    EXPECT_EQ(row.at("note").find("procedural") != std::string::npos, skipped);
+  }
+}
+
+TEST_F(HarnessCommand, PluginBuiltOutsideTheTreeIsTimed) {
+  const fs::path plugins = BuildPlugins();
+  const std::string file = (plugins / "libsorted_list.so").string();
+  const Outcome list = Call({"--plugin", file, "list", "structures"});
+  EXPECT_NE(list.out.find("sorted_list: "), std::string::npos) << list.err;
+  EXPECT_NE(list.out.find("plugin: " + file), std::string::npos);
+  const Outcome outcome =
+      Call(TinyRun("out", {"--structures", "sorted_list(sorted=false),null", "--plugin", file}));
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  for (const auto& row : ReadCsv(folder_ / "out" / "cases.csv")) {
+    EXPECT_EQ(row.at("status"), "timed");
+    if (row.at("structure") == "sorted_list" && row.at("query") == "closest") {
+      EXPECT_EQ(row.at("params"), "sorted=false");
+      EXPECT_EQ(row.at("steps"), "80");
+      EXPECT_EQ(row.at("prims"), "80");
+    }
+  }
+}
+
+TEST_F(HarnessCommand, AStructureThatLiesIsRefusedAndGetsNoTime) {
+  const fs::path plugins = BuildPlugins();
+  const Outcome outcome =
+      Call(TinyRun("out", {"--structures", "wrong_misses,wrong_ids,wrong_bad_ids,wrong_counts,wrong_not",
+                           "--plugin", (plugins / "libwrong.so").string()}));
+  EXPECT_EQ(outcome.exit_code, 1) << outcome.err;
+  EXPECT_NE(outcome.out.find("REFUSED"), std::string::npos);
+  const std::map<std::string, std::string> says = {{"wrong_misses", "claims watertight, but"},
+                                                   {"wrong_ids", "wrong"},
+                                                   {"wrong_bad_ids", "hits primitive 87 of 80"},
+                                                   {"wrong_counts", "is answered differently when counted"}};
+  std::set<std::string> seen;
+  for (const auto& row : ReadCsv(folder_ / "out" / "cases.csv")) {
+    SCOPED_TRACE(row.at("spec") + " " + row.at("ray_set"));
+    seen.insert(row.at("structure"));
+    const bool honest = row.at("structure") == "wrong_not";
+    EXPECT_EQ(row.at("status"), honest ? "timed" : "refused");
+    EXPECT_EQ(row.at("median_ns").empty(), !honest);
+    EXPECT_EQ(row.at("rate").empty(), !honest);
+    EXPECT_EQ(row.at("samples").empty(), !honest);
+    if (honest) continue;
+    EXPECT_NE(row.at("note").find(says.at(row.at("structure"))), std::string::npos) << row.at("note");
+  }
+  EXPECT_EQ(seen.size(), 5u);
+  for (const auto& row : ReadCsv(folder_ / "out" / "samples.csv"))
+    EXPECT_EQ(row.at("structure"), "wrong_not");
+}
+
+TEST_F(HarnessCommand, CtrlCKeepsFinishedCasesReadable) {
+  const std::string out = (folder_ / "out").string();
+  const std::vector<std::string> command = {"run",
+                                            "icosphere(level=1)",
+                                            "icosphere(level=7)",
+                                            "--structures",
+                                            "null,bvh_sah",
+                                            "--rays",
+                                            "64K",
+                                            "--verify-rays",
+                                            "64",
+                                            "--threads",
+                                            "1",
+                                            "--no-report",
+                                            "--out",
+                                            out};
+  const pid_t pid = Start(command);
+  const auto give_up = std::chrono::steady_clock::now() + std::chrono::seconds(120);
+  const auto finished = [&] {
+    std::error_code error;
+    size_t n = 0;
+    for (fs::directory_iterator it(fs::path(out) / "cases", error), end; !error && it != end;
+         it.increment(error)) {
+      n += it->path().extension() == ".json";
+    }
+    return n;
+  };
+  while (finished() == 0 && std::chrono::steady_clock::now() < give_up) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  kill(pid, SIGINT);
+  const Outcome outcome = Finish(pid);
+  EXPECT_EQ(outcome.exit_code, 130) << outcome.err;
+  EXPECT_NE(outcome.err.find("--resume"), std::string::npos) << outcome.err;
+  const auto rows = ReadCsv(fs::path(out) / "cases.csv");
+  EXPECT_EQ(rows.size(), finished());
+  EXPECT_FALSE(rows.empty());
+  for (const auto& row : rows) EXPECT_EQ(row.at("scene"), "icosphere(level=1)");
+  const auto run = nlohmann::json::parse(Read(fs::path(out) / "run.json"));
+  EXPECT_EQ(run.at("interrupted"), true);
+  EXPECT_EQ(run.at("finished_cases"), rows.size());
+}
+
+}  // namespace
+}  // namespace raybench
