@@ -40,8 +40,11 @@ class HoldInterrupts {
     struct sigaction hold {};
     hold.sa_handler = RecordInterrupt;
     g_interrupted = 0;
-    sigaction(SIGINT, &hold, &interrupt_);
-    sigaction(SIGTERM, &hold, &terminate_);
+    sigaction(SIGINT, nullptr, &interrupt_);
+    sigaction(SIGTERM, nullptr, &terminate_);
+    // What is ignored (nohup) stays so.
+    if (interrupt_.sa_handler != SIG_IGN) sigaction(SIGINT, &hold, nullptr);
+    if (terminate_.sa_handler != SIG_IGN) sigaction(SIGTERM, &hold, nullptr);
   }
   ~HoldInterrupts() {
     sigaction(SIGINT, &interrupt_, nullptr);
@@ -236,6 +239,14 @@ std::vector<ManifestEntry> ParseManifest() {
     j.at("package").get_to(e.package), j.at("versions").get_to(e.versions), j.at("member").get_to(e.member);
     j.at("sha256").get_to(e.sha256), j.at("licence").get_to(e.licence), j.at("format").get_to(e.format);
     j.at("triangles").get_to(e.triangles);
+    auto vector = [](const nlohmann::json& v) {
+      return Vec3f{v.at(0).get<float>(), v.at(1).get<float>(), v.at(2).get<float>()};
+    };
+    for (const nlohmann::json& c : j.value("cameras", nlohmann::json::array()))
+      e.cameras.push_back(
+          {vector(c.at("eye")), vector(c.at("at")), {0, 1, 0}, c.at("tan_half_fov").get<float>()});
+    for (const nlohmann::json& l : j.value("lights", nlohmann::json::array()))
+      e.lights.push_back({vector(l.at("position")), vector(l.at("intensity")), false});
     entries.push_back(std::move(e));
   }
   return entries;

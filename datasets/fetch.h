@@ -8,6 +8,8 @@
 #include <string_view>
 #include <vector>
 
+#include "datasets/scene.h"
+
 namespace raybench {
 
 /// One model of the manifest (datasets/manifest.json, compiled in).
@@ -17,11 +19,13 @@ struct ManifestEntry {
   std::string client;  ///< "apt", "pip", "cargo"
   std::string package;
   std::vector<std::string> versions;  ///< accepted pinned versions, tried in order (Debian releases differ)
-  std::string member;      ///< path inside the package; "ARCHIVE!PATH" for a path in a tar archive in it
-  std::string sha256;      ///< of the member
-  std::string licence;     ///< as stated by the package; "not stated" where it is silent
-  std::string format;      ///< extension the reader goes by
-  uint64_t triangles = 0;  ///< after loading, without the degenerate ones
+  std::string member;           ///< path inside the package; "ARCHIVE!PATH" for a path in a tar archive in it
+  std::string sha256;           ///< of the member
+  std::string licence;          ///< as stated by the package; "not stated" where it is silent
+  std::string format;           ///< extension the reader goes by
+  uint64_t triangles = 0;       ///< after loading, without the degenerate ones
+  std::vector<Camera> cameras;  ///< optional, where the automatic ones show little (indoor scenes)
+  std::vector<PointLight> lights;
 };
 
 const std::vector<ManifestEntry>& Manifest();

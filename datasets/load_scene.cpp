@@ -30,10 +30,14 @@ std::string Extensions() {
   return text;
 }
 
-/// Any failure of a reader or of Finish() becomes one line that names the file.
-Scene ReadModel(const std::filesystem::path& path, const Format& format, const LoadOptions& options) {
+/// Any failure of a reader or of Finish() becomes one line that names the file. The manifest's cameras and
+/// lights stand in for those that the file has not.
+Scene ReadModel(const std::filesystem::path& path, const Format& format, const LoadOptions& options,
+                const ManifestEntry& entry = {}) {
   try {
     Scene scene = format.read(path, options);
+    if (scene.cameras.empty()) scene.cameras = entry.cameras;
+    if (scene.lights.empty()) scene.lights = entry.lights;
     scene.Finish(options.drop_bad);
     return scene;
   } catch (const InputError&) {
@@ -56,7 +60,7 @@ Scene LoadFetched(const ManifestEntry& entry, const LoadOptions& options) {
                     path.string(), entry.name));
   const Format* format = FindFormat(path);
   if (format == nullptr) throw InputError(fmt::format("{}: format {} is not read", entry.name, entry.format));
-  Scene scene = ReadModel(path, *format, options);
+  Scene scene = ReadModel(path, *format, options, entry);
   if (scene.triangles.size() != entry.triangles)
     throw InputError(fmt::format("{}: has {} triangles; the manifest says {}", entry.name,
                                  scene.triangles.size(), entry.triangles));

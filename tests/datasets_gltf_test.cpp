@@ -221,6 +221,15 @@ TEST_F(GltfTest, EveryTruncationOfAGlbNamesTheFile) {
   for (size_t n = 0; n < bytes.size(); ++n) LoadError(files_.Write("m.glb", bytes.substr(0, n)));
 }
 
+TEST_F(GltfTest, DamagedFilesLoadOrNameTheFile) {
+  Builder b;
+  int p = b.Positions(kSquare);
+  b.Primitive(p, b.Indices<uint8_t>({0, 1, 2, 0, 2, 3}));
+  b.root["nodes"] = {{{"children", {1}}, {"rotation", {0, 0, 0, 1}}}, {{"mesh", 0}, {"scale", {2, 2, 2}}}};
+  EXPECT_LT(CountRefusedMutations(files_, "m.gltf", b.Text(), 2000), 2000);
+  EXPECT_LT(CountRefusedMutations(files_, "m.glb", b.Binary(), 2000), 2000);
+}
+
 TEST_F(GltfTest, MaterialsCamerasAndLights) {
   Builder b;
   int p = b.Positions(kSquare), i = b.Indices<uint8_t>({0, 1, 2});

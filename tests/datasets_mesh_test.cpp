@@ -201,6 +201,15 @@ TEST_F(MeshTest, EveryTruncationLoadsOrNamesTheFile) {
     }
 }
 
+TEST_F(MeshTest, DamagedFilesLoadOrNameTheFile) {
+  std::string obj =
+      "mtllib m.mtl\n" + std::string(kSquare) + "usemtl a\nf 1 2 3 4\nf 1/1/1 2/2/2 3/3/3\nf -1 -2 -3\n";
+  std::string off =
+      "COFF\n4 2 0\n0 0 0 1 1 1\n1 0 0 1 1 1\n0 1 0 1 1 1\n1 1 0 1 1 1\n3 0 1 2 9 9 9\n4 0 1 2 3\n";
+  EXPECT_LT(CountRefusedMutations(files_, "m.obj", obj, 2000), 2000);
+  EXPECT_LT(CountRefusedMutations(files_, "m.off", off, 2000), 2000);
+}
+
 TEST_F(MeshTest, ProgressRisesToOne) {
   std::string text = kSquare;
   for (int i = 0; i < 200000; ++i) text += "f 1 2 3\n";

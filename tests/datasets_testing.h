@@ -8,6 +8,7 @@
 #include <fstream>
 #include <string>
 
+#include "datasets/random.h"
 #include "datasets/scene.h"
 
 namespace raybench {
@@ -45,6 +46,46 @@ inline std::string LoadError(const std::string& name, const LoadOptions& options
   }
   ADD_FAILURE() << name << " loaded without an error";
   return {};
+}
+
+/// Loads `count` seeded mutations of a file; each must load, or throw an InputError of one line that begins
+/// with the path. Returns how many were refused.
+inline int CountRefusedMutations(const ScratchDirectory& files, const std::string& name,
+                                 const std::string& text, int count) {
+  static const char kBytes[] = "0123456789-+.e/ \n\t#\"{}[],:\0\xff\x7f nfvOF";
+  int refused = 0;
+  for (int n = 0; n < count; ++n) {
+    Random random(2024, uint64_t(n));
+    std::string damaged = text;
+    for (uint64_t edits = 1 + random.Below(4); edits > 0 && !damaged.empty(); --edits) {
+      size_t at = random.Below(damaged.size());
+      switch (random.Below(4)) {
+        case 0:
+          damaged.erase(at, 1 + random.Below(8));
+          break;
+        case 1:
+          damaged.insert(at, 1, kBytes[random.Below(sizeof kBytes)]);
+          break;
+        case 2:
+          damaged.insert(at, text.substr(random.Below(text.size()), 1 + random.Below(12)));
+          break;
+        default:
+          damaged[at] = kBytes[random.Below(sizeof kBytes)];
+      }
+    }
+    std::string path = files.Write(name, damaged);
+    try {
+      LoadOptions options;
+      options.drop_bad = n % 2 == 1;
+      LoadScene(path, options).Geometry();
+    } catch (const InputError& e) {
+      ++refused;
+      std::string message = e.what();
+      EXPECT_TRUE(message.starts_with(path + ": ")) << message;
+      EXPECT_EQ(message.find('\n'), message.npos) << message;
+    }
+  }
+  return refused;
 }
 
 /// The corners of triangle i.
