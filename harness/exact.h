@@ -27,11 +27,20 @@ struct Expansion {
 
   Expansion() {}
   explicit Expansion(double value) { Push(value); }
+  Expansion(const Expansion& other) { Take(other); }
   template <int M>
-  requires(M < N) Expansion(const Expansion<M>& other) : size(other.size) {
-    for (int i = 0; i < size; ++i) term[i] = other.term[i];
+  requires(M < N) Expansion(const Expansion<M>& other) { Take(other); }
+  Expansion& operator=(const Expansion& other) {
+    Take(other);
+    return *this;
   }
 
+  /// Becomes `other`, whose terms must fit.
+  template <int M>
+  void Take(const Expansion<M>& other) {
+    size = other.size;
+    for (int i = 0; i < size; ++i) term[i] = other.term[i];
+  }
   void Push(double value) {
     if (value != 0) term[size++] = value;
   }
@@ -105,10 +114,7 @@ template <int N, int M>
 Expansion<2 * N * M> operator*(const Expansion<N>& e, const Expansion<M>& f) {
   Expansion<2 * N * M> product;
   for (int i = 0; i < f.size; ++i) {
-    const Expansion<2 * N> part = e * f.term[i];
-    Expansion<2 * N* M + 2 * N> sum = product + part;
-    product.size = sum.size;
-    for (int k = 0; k < sum.size; ++k) product.term[k] = sum.term[k];
+    product.Take(product + e * f.term[i]);
   }
   return product;
 }
