@@ -27,27 +27,24 @@
 // within that primitive's error.
 //
 // Classes of a closest hit, in the order they are tried:
-//   malformed    a non-finite t, t outside (tnear, tfar], an unknown primitive, a miss with t != tfar: plain.
-//   exact, tie   a primitive of the tied set with t within the error; or truth is a miss and so is the
-//   answer.
-//                A triangle in whose plane the ray lies is right at every t at which the ray is inside it.
-//   neighbour    plausible, shares a vertex (by position) with a primitive of the tied set, and its t agrees
-//   with
-//                the true one within the sum of both errors.
-//   wrong        both hit, and neither of these. Not plausible: plain. Plausible and nearer than the truth:
-//   the
-//                ray misses that primitive exactly and passes within the bound of it; were the edge interior
-//                and transversal, the truth would lie there too, so this is a silhouette, a boundary, or the
-//                interval's near end: marginal. Plausible at the same t within the errors (surfaces closer
-//                than the arithmetic resolves): the order is undecidable, marginal. Plausible and behind: see
-//                below.
-//   false hit    truth is a miss. Plausible: marginal by the same argument, else plain.
-//   false miss   truth is a hit, see below.
-// An answer behind the truth, or a miss, has *passed* every true hit in front of it; the worst of these
-// decides:
-//   marginal     t lies within the error of an end of the interval; or the surface can be slipped past
-//   (below). leak         it cannot, and the ray passes within the bound of an edge or vertex. plain it
-//   cannot, and the ray meets the triangle clear of its edges.
+// - malformed: a non-finite t, t outside (tnear, tfar], an unknown primitive, a miss with t != tfar. Plain.
+// - exact, tie: a primitive of the tied set with t within the error; or truth is a miss and so is the answer.
+//   A triangle in whose plane the ray lies is right at every t at which the ray is inside it.
+// - neighbour: plausible, shares a vertex (by position) with a primitive of the tied set, and t agrees with
+//   the true one within twice the sum of both errors (each plane is off at the ray).
+// - wrong: both hit, and neither of these. Not plausible: plain. Plausible and nearer than the truth: the ray
+//   misses that primitive exactly and passes within the bound of it; were the edge interior and transversal,
+//   the truth would lie there too, so this is a silhouette, a boundary, or the interval's near end: marginal.
+//   Plausible at the same t within the errors (surfaces closer than the arithmetic resolves): the order is
+//   undecidable, marginal. Plausible and behind: see below.
+// - false hit: truth is a miss. Plausible: marginal by the same argument, else plain.
+// - false miss: truth is a hit; see below.
+//
+// An answer behind the truth, or a miss, has *passed* every true hit in front of it. The worst decides:
+// - marginal: t lies within the error of an end of the interval; or the surface can be slipped past (below);
+//   or the answer, plausible, lies on the same patch (below) of it.
+// - leak: none of these, and the ray passes within the bound of an edge or vertex.
+// - plain: none of these, and the ray meets the triangle clear of its edges.
 //
 // Can the surface be slipped past? Take the patch: the triangle, and repeatedly all triangles at every edge
 // within the bound of the ray. Moving the vertices by less than the bound cannot carry the ray across any
