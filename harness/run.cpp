@@ -223,7 +223,7 @@ class Run {
 
   bool FetchDefaultModel() {
     try {
-      const ManifestEntry& entry = FindManifestEntry(kDefaultModel);
+      const ManifestEntry entry = FindManifestEntry(kDefaultModel);
       if (!IsFetched(entry)) Fetch(entry, [&](const std::string& line) { progress_.Say(line); });
       return true;
     } catch (const InputError& error) {

@@ -315,7 +315,7 @@ class Wavefront {
       rays = std::move(batch);
       batch = {};
     } else {
-      rays.insert(rays.end(), batch.begin(), batch.end());
+      for (const rb_ray& ray : batch) rays.push_back(ray);
     }
   }
 
