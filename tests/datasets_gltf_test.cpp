@@ -1,6 +1,5 @@
 // glTF and GLB files.
 
-#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include <cmath>
