@@ -143,7 +143,7 @@ std::string FormatScene(const Rows& scene) {
       fmt::format("{}: {} primitives\n\n", Text(first, "scene"), first.at("primitives").get<uint64_t>());
   std::vector<std::string> header = {"structure", "verdict"};
   for (const std::string& build : builds) header.push_back(build + " ms");
-  for (const char* name : {"steps/ray", "prims/ray", "depth", "SAH", "MiB"}) header.push_back(name);
+  for (const char* name : {"steps/ray", "prims/ray", "MiB"}) header.push_back(name);
   Grid properties(header);
   for (const std::string& spec : specs) {
     const Rows& rows = by_spec[spec];
@@ -156,9 +156,7 @@ std::string FormatScene(const Rows& scene) {
     }
     cells.push_back(PerRay(rows, "steps"));
     cells.push_back(PerRay(rows, "prims"));
-    const auto depth = Number(own, "depth"), sah = Number(own, "sah_cost"), nodes = Number(own, "node_bytes");
-    cells.push_back(depth ? fmt::format("{}", *depth) : "-");
-    cells.push_back(sah ? FormatFigure(*sah) : "-");
+    const auto nodes = Number(own, "node_bytes");
     cells.push_back(nodes ? FormatFigure((*nodes + *Number(own, "prim_bytes")) / (1 << 20)) : "-");
     properties.Add(cells);
   }
