@@ -445,11 +445,14 @@ class Run {
           plan(key, i, why);
         }
       }
-      if (const auto skipped = std::find_if(entrant.cases.begin(), entrant.cases.end(),
-                                            [](const PlannedCase& c) { return !c.skip.empty(); });
+      const auto is_skipped = [](const PlannedCase& c) { return !c.skip.empty(); };
+      const auto queries = entrant.cases.begin() + long(BuildThreads().size());
+      if (const auto skipped = std::find_if(queries, entrant.cases.end(), is_skipped);
           skipped != entrant.cases.end()) {
-        Note(fmt::format("{} is skipped{}: {}", key.spec, skip.empty() ? " on large ray sets" : "",
-                         skipped->skip));
+        const bool all = std::all_of(queries, entrant.cases.end(), is_skipped);
+        // A tree that answers no set gets no verdict, and without a verdict no time either.
+        if (all) std::for_each(entrant.cases.begin(), queries, [&](PlannedCase& c) { c.skip = skipped->skip; });
+        Note(fmt::format("{} is skipped{}: {}", key.spec, all ? "" : " on large ray sets", skipped->skip));
       }
       entrants.push_back(std::move(entrant));
     }
