@@ -21,6 +21,6 @@ USAGE
 fi
 
 source "$(dirname "${BASH_SOURCE[0]}")/.ci/setup.sh"
-build_preset release
+build_preset release raybench
 say "raybench run $*"
 exec "$build/release/raybench" run "$@"

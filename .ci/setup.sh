@@ -97,16 +97,16 @@ job_count() {
   echo "$jobs"
 }
 
-# Configures (when needed) and builds one CMake preset.
+# Configures (when needed) and builds one CMake preset: TARGET, or everything.
 build_preset() {
-  local preset=$1
+  local preset=$1 target=${2:-all}
   if [ ! "$build/$preset/build.ninja" -nt "$root/CMakePresets.json" ]; then
     say "configuring build/$preset"
     (cd "$root" && logged "configure-$preset" cmake --preset "$preset") || fail "CMake failed; raybench needs $needed"
   fi
   say "building build/$preset with $jobs jobs"
   # gtest_discover_tests runs the tests at build time: no leak check there, it needs ptrace
-  (cd "$root" && ASAN_OPTIONS=detect_leaks=0 cmake --build --preset "$preset" -j "$jobs" </dev/null) || exit 1
+  (cd "$root" && ASAN_OPTIONS=detect_leaks=0 cmake --build --preset "$preset" --target "$target" -j "$jobs" </dev/null) || exit 1
 }
 
 mkdir -p "$build"
