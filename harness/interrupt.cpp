@@ -1,6 +1,7 @@
 #include "harness/interrupt.h"
 
 #include <csignal>
+#include <initializer_list>
 
 namespace raybench {
 namespace {
@@ -12,11 +13,15 @@ void OnSignal(int) { g_interrupted = 1; }
 }  // namespace
 
 void CatchInterrupts() {
-  struct sigaction action = {};
-  action.sa_handler = &OnSignal;
-  action.sa_flags = int(SA_RESETHAND);
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
+  for (int signal : {SIGINT, SIGTERM}) {
+    struct sigaction action = {};
+    sigaction(signal, nullptr, &action);
+    if (action.sa_handler == SIG_IGN) continue;  // a shell that runs us in the background wants that
+    action = {};
+    action.sa_handler = &OnSignal;
+    action.sa_flags = int(SA_RESETHAND);
+    sigaction(signal, &action, nullptr);
+  }
 }
 
 bool Interrupted() { return g_interrupted != 0; }

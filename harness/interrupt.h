@@ -9,7 +9,7 @@ struct InterruptedError : std::exception {
   const char* what() const noexcept override { return "interrupted"; }
 };
 
-/// Catches SIGINT and SIGTERM from now on; the second one has its usual effect.
+/// Catches SIGINT and SIGTERM from now on, unless they are ignored; the second one has its usual effect.
 void CatchInterrupts();
 bool Interrupted();
 void ThrowIfInterrupted();

@@ -113,8 +113,10 @@ Pinned::~Pinned() {
 
 void InitialiseEngine(const std::vector<std::string>& flags, uint32_t repetitions) {
   g_repetitions = repetitions;
-  std::vector<std::string> words = {"raybench", "--benchmark_enable_random_interleaving=true",
-                                    fmt::format("--benchmark_repetitions={}", repetitions)};
+  // The engine keeps the pointer to the first word.
+  static std::vector<std::string> words;
+  words = {"raybench", "--benchmark_enable_random_interleaving=true",
+           fmt::format("--benchmark_repetitions={}", repetitions)};
   for (const std::string& flag : flags) {
     words.push_back(flag);
     if (flag.starts_with("--benchmark_min_time")) g_user_sets_min_time = true;
