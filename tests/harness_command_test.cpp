@@ -314,6 +314,8 @@ TEST_F(HarnessCommand, TinyRunLeavesEveryFileWithEveryColumn) {
   EXPECT_EQ(run.at("scenes").at(0).at("triangles"), 80);
   EXPECT_FALSE(run.at("machine").at("cpu").is_null());
   EXPECT_FALSE(run.at("timing").at("engine_built_as_debug").is_null());
+  EXPECT_NE(run.at("timing").at("engine_remarks").get<std::string>().find("Running raybench\n"),
+            std::string::npos);
 }
 
 TEST_F(HarnessCommand, SameSeedGivesTheSameCasesApartFromTimes) {
