@@ -14,6 +14,7 @@
 #include <memory>
 
 #include "accel/registry.h"
+#include "accel/simd.h"
 #include "accel/structure.h"
 
 namespace raybench {
@@ -93,38 +94,46 @@ class Embree {
     RTCIntersectContext context;
     rtcInitIntersectContext(&context);
 #endif
-    for (size_t i = 0; i < query.n; ++i) {
-      const rb_ray& in = query.rays[i];
-      const bool valid = IsFinite(in);
-      if (query.kind == RB_ANY) {
-        RTCRay ray = ToEmbree(in);
-        if (valid) {
+    // Locals: the compiler must take it that the library changes whatever it can reach.
+    const rb_ray* const rays = query.rays;
+    const size_t n = query.n;
+    const RTCScene scene = scene_.get();
+    if (query.kind == RB_ANY) {
+      uint8_t* const occluded = query.occluded;
+      for (size_t i = 0; i < n; ++i) {
+        RTCRay ray = ToEmbree(rays[i]);
+        const bool asked = IsFinite(rays[i]) && ray.tfar >= 0;
+        if (asked) [[likely]] {
 #if RAYBENCH_EMBREE_MAJOR >= 4
-          rtcOccluded1(scene_.get(), &ray, &any);
+          rtcOccluded1(scene, &ray, &any);
 #else
-          rtcOccluded1(scene_.get(), &context, &ray);
+          rtcOccluded1(scene, &context, &ray);
 #endif
         }
-        query.occluded[i] = ray.tfar < 0 && valid && in.tfar >= 0;
-        continue;
+        occluded[i] = asked && ray.tfar < 0;
       }
+      return;
+    }
+    rb_hit* const hits = query.hits;
+    const uint32_t triangles = uint32_t(geometry_.triangle_count);
+    for (size_t i = 0; i < n; ++i) {
       RTCRayHit found;
-      found.ray = ToEmbree(in);
+      found.ray = ToEmbree(rays[i]);
       found.hit.geomID = RTC_INVALID_GEOMETRY_ID;
       found.hit.primID = RTC_INVALID_GEOMETRY_ID;
       found.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-      if (valid) {
+      if (IsFinite(rays[i])) [[likely]] {
 #if RAYBENCH_EMBREE_MAJOR >= 4
-        rtcIntersect1(scene_.get(), &found, &closest);
+        rtcIntersect1(scene, &found, &closest);
 #else
-        rtcIntersect1(scene_.get(), &context, &found);
+        rtcIntersect1(scene, &context, &found);
 #endif
       }
       if (found.hit.geomID == RTC_INVALID_GEOMETRY_ID) {
-        query.hits[i] = {in.tfar, 0, 0, RAYBENCH_NONE};
+        hits[i] = {rays[i].tfar, 0, 0, RAYBENCH_NONE};
       } else {
-        const uint32_t base = found.hit.geomID == kTriangles ? 0 : uint32_t(geometry_.triangle_count);
-        query.hits[i] = {found.ray.tfar, found.hit.u, found.hit.v, base + found.hit.primID};
+        hits[i] = {found.ray.tfar, found.hit.u, found.hit.v,
+                   found.hit.primID + (found.hit.geomID == kTriangles ? 0 : triangles)};
       }
     }
   }
@@ -143,12 +152,12 @@ class Embree {
     return ray;
   }
 
-  /// x - x is 0 for finite x and NaN otherwise, so one comparison checks eight numbers. tfar may be infinite.
+  /// x - x is 0 for finite x and NaN otherwise. tfar may be infinite.
   static bool IsFinite(const rb_ray& r) {
-    const float zero = (r.org[0] - r.org[0]) + (r.org[1] - r.org[1]) + (r.org[2] - r.org[2]) +
-                       (r.dir[0] - r.dir[0]) + (r.dir[1] - r.dir[1]) + (r.dir[2] - r.dir[2]) +
-                       (r.tnear - r.tnear);
-    return zero == 0 && r.tfar == r.tfar;
+    const float* const r8 = reinterpret_cast<const float*>(&r);  // org, tnear, dir, tfar
+    const Float4 a = Load4(r8), d = Load4(r8 + 4);
+    const Float4 b = __builtin_shufflevector(d, d, 0, 1, 2, 2);
+    return Mask((a - a) + (b - b) == Float4{}) == 15u && r.tfar == r.tfar;
   }
 
   void AttachTriangles() {
