@@ -16,9 +16,9 @@
 namespace raybench {
 
 struct BinnedSahOptions {
-  uint32_t bins = 16;        ///< per axis, 2..64
-  uint32_t leaf_size = 4;    ///< most primitives a leaf may hold, >= 1
-  uint32_t block_size = 4;   ///< primitives that a leaf tests for the price of one
+  uint32_t bins = 16;           ///< per axis, 2..64
+  uint32_t leaf_size = 4;       ///< most primitives a leaf may hold, >= 1
+  uint32_t block_size = 4;      ///< primitives that a leaf tests for the price of one
   float traversal_cost = 1.5f;  ///< of an inner node, in units of one block
 };
 

@@ -17,7 +17,9 @@ class Hash64 {
     if (size > 0) Mix(Load(p, size));
   }
   template <class T>
-  void AddValue(const T& value) { Add(&value, sizeof value); }
+  void AddValue(const T& value) {
+    Add(&value, sizeof value);
+  }
   void Add(std::string_view text) {
     AddValue(uint64_t{text.size()});
     Add(text.data(), text.size());

@@ -7,8 +7,8 @@
 
 namespace raybench {
 
-/// SplitMix64 (Steele, Lea, Flood 2014). Any (seed, stream) pair starts an independent sequence, so parallel work
-/// takes one stream an item and does not depend on the thread count.
+/// SplitMix64 (Steele, Lea, Flood 2014). Any (seed, stream) pair starts an independent sequence, so parallel
+/// work takes one stream an item and does not depend on the thread count.
 class Random {
  public:
   explicit Random(uint64_t seed, uint64_t stream = 0) : state_(Scramble(seed) ^ Scramble(~stream)) {}

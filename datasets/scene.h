@@ -83,11 +83,11 @@ class Scene {
   int scale_exponent = 0;
   bool automatic_camera = false, automatic_lights = false;  ///< set by Finish() when it had to invent them
 
-  /// Brings a freshly filled scene into the state the contract promises: checks vertices (finite) and indices,
-  /// leaves out exactly degenerate triangles, rescales by a power of two if max |coordinate| lies outside
-  /// [2^-30, 2^30], adds a camera and lights where there are none, computes bounds and hash.
-  /// With `drop_bad` bad triangles are left out and counted instead of throwing.
-  /// Throws InputError naming `provenance.source` and the vertex or face.
+  /// Brings a freshly filled scene into the state the contract promises: checks vertices (finite) and
+  /// indices, leaves out exactly degenerate triangles, rescales by a power of two if max |coordinate| lies
+  /// outside [2^-30, 2^30], adds a camera and lights where there are none, computes bounds and hash. With
+  /// `drop_bad` bad triangles are left out and counted instead of throwing. Throws InputError naming
+  /// `provenance.source` and the vertex or face.
   void Finish(bool drop_bad = false);
 
   /// View for structures; valid while the scene lives and is not moved.
@@ -120,13 +120,14 @@ struct Generator {
 std::vector<const Generator*> Generators();
 
 struct LoadOptions {
-  uint64_t seed = 1;      ///< for generators
-  bool drop_bad = false;  ///< leave out bad triangles instead of refusing the file
+  uint64_t seed = 1;                              ///< for generators
+  bool drop_bad = false;                          ///< leave out bad triangles instead of refusing the file
   std::function<void(double fraction)> progress;  ///< may be empty
 };
 
-/// Loads what a user named: a path to .obj/.off/.gltf/.glb, a generator ("sphereflake(depth=5)"), or a model of the
-/// manifest ("engine"; it must have been fetched). Throws InputError: missing, unknown format, broken, not fetched.
+/// Loads what a user named: a path to .obj/.off/.gltf/.glb, a generator ("sphereflake(depth=5)"), or a model
+/// of the manifest ("engine"; it must have been fetched). Throws InputError: missing, unknown format, broken,
+/// not fetched.
 Scene LoadScene(const std::string& name, const LoadOptions& options = {});
 
 }  // namespace raybench

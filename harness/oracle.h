@@ -19,30 +19,36 @@ enum class Feature : uint8_t { kInterior, kEdge, kVertex };
 /// What is exactly true of one ray over its interval (tnear, tfar].
 struct Truth {
   bool hit = false;
-  bool coplanar = false;  ///< the ray lies in the plane of a triangle it meets: hit and miss are both right for it;
-                          ///< such a triangle is never in `tied`
-  double t = 0;           ///< exact t of the nearest hit, rounded to double (Exact() oracles)
+  bool coplanar = false;  ///< the ray lies in the plane of a triangle it meets: hit and miss are both right
+                          ///< for it; such a triangle is never in `tied`
+  double t = 0;                ///< exact t of the nearest hit, rounded to double (Exact() oracles)
   std::vector<uint32_t> tied;  ///< every primitive hit at exactly that t, ascending; empty on a miss
   Feature feature = Feature::kInterior;  ///< where the lowest of them is hit
 };
 
 enum class Verdict : uint8_t {
-  kExact,       ///< the lowest id of the tied set, t correct (a miss where truth is a miss)
-  kTie,         ///< another member of the tied set, t correct
-  kNeighbour,   ///< shares a vertex with a true primitive, t within 8 ulp, edge functions within the error bound
-  kLeak,        ///< went through a closed surface at an interior edge or vertex that was crossed transversally
-  kWrong, kWrongMarginal,
-  kFalseMiss, kFalseMissMarginal,
-  kFalseHit, kFalseHitMarginal,
+  kExact,      ///< the lowest id of the tied set, t correct (a miss where truth is a miss)
+  kTie,        ///< another member of the tied set, t correct
+  kNeighbour,  ///< shares a vertex with a true primitive, t within 8 ulp, edge functions within the error
+               ///< bound
+  kLeak,       ///< went through a closed surface at an interior edge or vertex that was crossed transversally
+  kWrong,
+  kWrongMarginal,
+  kFalseMiss,
+  kFalseMissMarginal,
+  kFalseHit,
+  kFalseHitMarginal,
   kCount
 };
-const char* VerdictName(Verdict verdict);  ///< "exact", "tie", "neighbour", "leak", "wrong", "wrong_marginal", ...
+const char* VerdictName(
+    Verdict verdict);  ///< "exact", "tie", "neighbour", "leak", "wrong", "wrong_marginal", ...
 
 /// How many rays of a set fell into each class, and the errors of t among the right hits.
 struct VerdictCounts {
   uint64_t rays = 0;
   uint64_t by_class[size_t(Verdict::kCount)] = {};
-  double t_error_p50 = 0, t_error_p99 = 0, t_error_max = 0;  ///< ulp of float; over exact, tie and neighbour hits
+  double t_error_p50 = 0, t_error_p99 = 0,
+         t_error_max = 0;  ///< ulp of float; over exact, tie and neighbour hits
 
   uint64_t operator[](Verdict v) const { return by_class[size_t(v)]; }
   uint64_t plain_errors() const;  ///< wrong + false_miss + false_hit, not marginal
@@ -62,22 +68,22 @@ class Oracle {
   virtual bool Exact() const = 0;
 };
 
-/// Exact oracle over CGAL's AABB tree. Null when the build has no CGAL or the scene has procedural primitives.
-/// The scene must outlive any oracle, unmoved.
+/// Exact oracle over CGAL's AABB tree. Null when the build has no CGAL or the scene has procedural
+/// primitives. The scene must outlive any oracle, unmoved.
 std::unique_ptr<Oracle> MakeCgalOracle(const Scene& scene);
 /// Brute force in double over triangles and procedural primitives: O(rays x primitives).
 std::unique_ptr<Oracle> MakeDoubleOracle(const Scene& scene);
-/// The best one for the scene: CGAL for triangles, brute force in double where there are procedural primitives or
-/// no CGAL.
+/// The best one for the scene: CGAL for triangles, brute force in double where there are procedural
+/// primitives or no CGAL.
 std::unique_ptr<Oracle> MakeOracle(const Scene& scene);
 
 /// Judges all answers of a set; hits for RB_CLOSEST sets, occluded for RB_ANY.
 VerdictCounts JudgeAll(const Oracle& oracle, uint32_t query_kind, std::span<const rb_ray> rays,
-                       std::span<const Truth> truth, std::span<const rb_hit> hits, std::span<const uint8_t> occluded,
-                       uint32_t threads);
+                       std::span<const Truth> truth, std::span<const rb_hit> hits,
+                       std::span<const uint8_t> occluded, uint32_t threads);
 
-/// True if a tree claiming `claim` may not give these answers: EXACT allows only exact; WATERTIGHT no leak and no
-/// plain error; the others allow all.
+/// True if a tree claiming `claim` may not give these answers: EXACT allows only exact; WATERTIGHT no leak
+/// and no plain error; the others allow all.
 bool BreaksClaim(uint32_t claim, const VerdictCounts& counts);
 
 }  // namespace raybench

@@ -215,8 +215,6 @@ void ResultFolder::WriteCsvs() const {
   WriteFileAtomically(path_ / "samples.csv", samples);
 }
 
-void ResultFolder::WriteRunJson(const Json& run) const {
-  WriteFileAtomically(path_ / "run.json", Dump(run));
-}
+void ResultFolder::WriteRunJson(const Json& run) const { WriteFileAtomically(path_ / "run.json", Dump(run)); }
 
 }  // namespace raybench

@@ -451,7 +451,8 @@ class Run {
           skipped != entrant.cases.end()) {
         const bool all = std::all_of(queries, entrant.cases.end(), is_skipped);
         // A tree that answers no set gets no verdict, and without a verdict no time either.
-        if (all) std::for_each(entrant.cases.begin(), queries, [&](PlannedCase& c) { c.skip = skipped->skip; });
+        if (all)
+          std::for_each(entrant.cases.begin(), queries, [&](PlannedCase& c) { c.skip = skipped->skip; });
         Note(fmt::format("{} is skipped{}: {}", key.spec, all ? "" : " on large ray sets", skipped->skip));
       }
       entrants.push_back(std::move(entrant));
