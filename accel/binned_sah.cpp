@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "accel/ray_bounds.h"
 #include "accel/simd.h"
 #include "accel/structure.h"
 
@@ -140,7 +141,7 @@ class Builder {
         tbb::blocked_range<size_t>(0, records_.size(), kParallelBlock), Range{0, records_.size()},
         [&](const auto& block, Range sum) {
           for (size_t i = block.begin(); i < block.end(); ++i) {
-            const Bounds3 b = PrimBounds(geometry, uint32_t(i));
+            const Bounds3 b = PaddedPrimBounds(geometry, uint32_t(i));
             Record& record = records_[i];
             record.lo = Float4{b.lo.x, b.lo.y, b.lo.z, 0}, record.hi = Float4{b.hi.x, b.hi.y, b.hi.z, 0};
             sum.Extend(record);

@@ -74,7 +74,7 @@ class Bvh2 {
   template <class Test, class Counter, bool kProcedural>
   void QueryLeaves(const rb_query& query) const {
     ForEachRay<Counter>(query, [&](auto any, const RayQuery& q, rb_hit& best, Counter& counter) {
-      Trace<Test, Counter, kProcedural, any.value>(RayState<Test>(q, bounds_), best, counter);
+      Trace<Test, Counter, kProcedural, any.value>(RayState<Test>(q), best, counter);
     });
   }
 
@@ -102,7 +102,6 @@ class NodeTest {
     for (int a = 0; a < 3; ++a) {
       org_[a] = Splat4(slab.org[a]);
       inv_[a] = Float4{slab.inv_near[a], slab.inv_near[a], -slab.inv_far[a], -slab.inv_far[a]};
-      slack_[a] = Splat4(slab.slack[a]);
       // Which lanes hold the planes met first.
       order_[a] = slab.negative[a] ? Int4{2, 3, 0, 1} : Int4{0, 1, 2, 3};
     }
@@ -112,13 +111,13 @@ class NodeTest {
   Float4 Intervals(const float (&bounds)[3][4], Float4 limits) const {
     Float4 m = limits;
     for (int a = 0; a < 3; ++a) {
-      m = MaxOrSecond((Permute(Load4(bounds[a]), order_[a]) - org_[a]) * inv_[a] - slack_[a], m);
+      m = MaxOrSecond((Permute(Load4(bounds[a]), order_[a]) - org_[a]) * inv_[a], m);
     }
     return m;
   }
 
  private:
-  Float4 org_[3], inv_[3], slack_[3];
+  Float4 org_[3], inv_[3];
   Int4 order_[3];
 };
 

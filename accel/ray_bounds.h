@@ -1,50 +1,62 @@
-// The ray-box test that all structures share.
+// The ray-box test that all structures share, and the boxes it is asked about.
 //
 // A plane p of an axis is met at t = (p - o) / d. Which of a box's two planes comes first is told by the sign
-// of d, NaN (0 * inf: the origin on the plane of a parallel ray) drops out of min and max, and both ends of
-// the interval are moved outward by a slack, so that no primitive the triangle test accepts is culled. Ize
-// (2013) scales the far end by 1 + 2 gamma_3, which covers the errors of this test itself; the triangle test
-// errs too, in proportion to the distance of its *vertices*, not of the hit point, so a relative padding does
-// not cover triangles much longer than the ray. Let S be the largest |p - o| over the scene's planes and u =
-// 2^-24. The sheared vertex of Woop's test, fl(fl(A.x-o.x) - fl(Sx fl(A.z-o.z))), is off by at most 6 u S to
-// first order; given sheared vertices its signs are exact; the interpolated point therefore lies within 6 u S
-// of the primitive's box along x and y, and within its z extent. The slab arithmetic adds 3 u S. The slack is
-// 16 u S / |d|.
+// of d, NaN (0 * inf: the origin on the plane of a parallel ray) drops out of min and max. Rounding is
+// monotone, so the interval of a box contains the interval of each box inside it.
 //
-// Rounding is monotone, so the interval of a box contains the interval of each box inside it.
+// Nothing that the triangle test accepts may be culled. That takes more than Ize's (2013) far * (1 + 2
+// gamma_3), which covers the errors of this test alone. Let u = 2^-24, p the exact hit point and E the
+// triangle's largest extent. Woop's sheared vertex fl(fl(A.x-o.x) - fl(Sx fl(A.z-o.z))) is off by at most 2 u
+// |A.x-o.x| + 4 u |Sx (A.z-o.z)|, and both |A.x-o.x| and |Sx (A.z-o.z)| are at most |p.x-o.x| + E. Given
+// sheared vertices the signs of the edge functions are exact, so an accepted ray passes the triangle's box
+// within 6 u |p.x-o.x| + 6 u E along x and y, and within its z extent. The first term moves t by 6 u
+// relatively, the slab arithmetic by 3 u more, at either end: the far end is scaled by 1 + 32 u. The second
+// does not depend on the ray: a triangle's box is padded by 8 u E when the tree is built.
 #pragma once
 
 #include <cmath>
 #include <limits>
 
 #include "accel/raybench.h"
+#include "accel/structure.h"
 #include "accel/vec3.h"
 
 namespace raybench {
 
-/// What a ray brings to slab tests. With `conservative` the slack above is used, else none.
+/// The triangle's bounds, padded as above; at least by one ulp of each coordinate, since less would be
+/// rounded away.
+inline Bounds3 PaddedBounds(Vec3f p0, Vec3f p1, Vec3f p2) {
+  const Vec3f lo = Min(Min(p0, p1), p2), hi = Max(Max(p0, p1), p2);
+  const Vec3f e = hi - lo;
+  const float pad = std::max(e.x, std::max(e.y, e.z)) * 0x1p-21f;
+  Bounds3 b;
+  for (int a = 0; a < 3; ++a) {
+    b.lo[a] = lo[a] - std::max(pad, std::fabs(lo[a]) * 0x1p-23f);
+    b.hi[a] = hi[a] + std::max(pad, std::fabs(hi[a]) * 0x1p-23f);
+  }
+  return b;
+}
+
+/// What builders must enclose so that conservative traversal finds the primitive. Procedural primitives bring
+/// bounds that are rounded outward already.
+inline Bounds3 PaddedPrimBounds(const rb_geometry& g, uint32_t prim) {
+  if (prim >= g.triangle_count) return PrimBounds(g, prim);
+  return PaddedBounds(Vertex(g, prim, 0), Vertex(g, prim, 1), Vertex(g, prim, 2));
+}
+
+/// What a ray brings to slab tests. With `conservative` the far end is scaled as above.
 struct SlabRay {
   Vec3f org;
   Vec3f inv_near, inv_far;  ///< 1/d; the near one stays finite
-  Vec3f slack;              ///< in units of t
   bool negative[3];         ///< sign bit of d: the upper plane is met first
 
-  SlabRay(const rb_ray& ray, const Bounds3& scene, bool conservative) : org(LoadVec3(ray.org)) {
+  SlabRay(const rb_ray& ray, bool conservative) : org(LoadVec3(ray.org)) {
     constexpr float kMax = std::numeric_limits<float>::max();
-    float reach = 0;
-    if (conservative && !scene.Empty()) {
-      for (int a = 0; a < 3; ++a) {
-        reach = std::fmax(reach, std::fmax(std::fabs(scene.lo[a] - org[a]), std::fabs(scene.hi[a] - org[a])));
-      }
-    }
-    const float shift = reach * 0x1p-20f;
     for (int a = 0; a < 3; ++a) {
       const float inv = 1 / ray.dir[a];
-      const bool finite = std::fabs(inv) <= kMax;
       negative[a] = std::signbit(ray.dir[a]);
-      inv_far[a] = inv;
-      inv_near[a] = finite ? inv : std::copysign(kMax, inv);
-      slack[a] = finite ? shift * std::fabs(inv) : 0;
+      inv_near[a] = std::fabs(inv) <= kMax ? inv : std::copysign(kMax, inv);
+      inv_far[a] = conservative ? inv * (1 + 0x1p-19f) : inv;
     }
   }
 
@@ -53,10 +65,8 @@ struct SlabRay {
     tnear = -std::numeric_limits<float>::infinity();
     tfar = std::numeric_limits<float>::infinity();
     for (int a = 0; a < 3; ++a) {
-      const float first = negative[a] ? box.hi[a] : box.lo[a];
-      const float last = negative[a] ? box.lo[a] : box.hi[a];
-      const float n = (first - org[a]) * inv_near[a] - slack[a];
-      const float f = (last - org[a]) * inv_far[a] + slack[a];
+      const float n = ((negative[a] ? box.hi[a] : box.lo[a]) - org[a]) * inv_near[a];
+      const float f = ((negative[a] ? box.lo[a] : box.hi[a]) - org[a]) * inv_far[a];
       tnear = n > tnear ? n : tnear;
       tfar = f < tfar ? f : tfar;
     }

@@ -20,15 +20,13 @@ struct RayState {
   SlabRay slab;
   Test test;
 
-  /// `scene`: bounds of all primitives, which size the slack.
-  RayState(const RayQuery& q, const Bounds3& scene)
-      : query(q), slab(q.ray, scene, Test::kConservative), test(q.ray) {}
+  explicit RayState(const RayQuery& q) : query(q), slab(q.ray, Test::kConservative), test(q.ray) {}
 
   /// Takes triangle `prim` into `best` if it is hit and comes before it.
   bool Triangle(Vec3f p0, Vec3f p1, Vec3f p2, uint32_t prim, rb_hit& best) const {
     PrimHit hit;
     if (!test.Intersect(p0, p1, p2, hit)) return false;
-    return Take({Min(Min(p0, p1), p2), Max(Max(p0, p1), p2)}, hit, prim, best);
+    return Take(PaddedBounds(p0, p1, p2), hit, prim, best);
   }
 
   /// The same for any primitive of the geometry.

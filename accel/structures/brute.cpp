@@ -22,15 +22,13 @@ class Brute {
   }
 
   Brute(const rb_geometry& geometry, const rb_build_options&, const Config& config)
-      : geometry_(geometry), config_(config) {
-    for (uint64_t i = 0; i < PrimCount(geometry); ++i) bounds_.Extend(PrimBounds(geometry, uint32_t(i)));
-  }
+      : geometry_(geometry), config_(config) {}
 
   template <class Counter>
   void Query(const rb_query& query) const {
     WithNumerics(config_.numerics, [&]<class Test>() {
       ForEachRay<Counter>(query, [&](auto any, const RayQuery& q, rb_hit& best, Counter& counter) {
-        const RayState<Test> ray(q, bounds_);
+        const RayState<Test> ray(q);
         const uint64_t n = PrimCount(geometry_);
         for (uint64_t i = 0; i < n; ++i) {
           counter.Prims(1, sizeof(uint32_t[3]) + sizeof(float[3][3]));
@@ -45,7 +43,6 @@ class Brute {
  private:
   rb_geometry geometry_;
   Config config_;
-  Bounds3 bounds_;
 };
 
 }  // namespace
