@@ -141,11 +141,11 @@ class Builder {
         tbb::blocked_range<size_t>(0, records_.size(), kParallelBlock), Range{0, records_.size()},
         [&](const auto& block, Range sum) {
           for (size_t i = block.begin(); i < block.end(); ++i) {
-            const Bounds3 b = PaddedPrimBounds(geometry, uint32_t(i));
+            const uint32_t id = uint32_t(i);
+            const Bounds3 b = options_.padded ? PaddedPrimBounds(geometry, id) : PrimBounds(geometry, id);
             Record& record = records_[i];
             record.lo = Float4{b.lo.x, b.lo.y, b.lo.z, 0}, record.hi = Float4{b.hi.x, b.hi.y, b.hi.z, 0};
             sum.Extend(record);
-            const uint32_t id = uint32_t(i);
             std::memcpy(reinterpret_cast<char*>(&record.lo) + 12, &id, sizeof id);
           }
           return sum;

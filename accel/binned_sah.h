@@ -19,6 +19,7 @@ struct BinnedSahOptions {
   uint32_t bins = 16;           ///< per axis, 2..64
   uint32_t leaf_size = 4;       ///< most primitives a leaf may hold, >= 1
   uint32_t block_size = 4;      ///< primitives that a leaf tests for the price of one
+  bool padded = true;           ///< enclose PaddedPrimBounds (for conservative traversal), else PrimBounds
   float traversal_cost = 1.5f;  ///< of an inner node, in units of one block
 };
 

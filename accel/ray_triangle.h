@@ -175,6 +175,11 @@ decltype(auto) WithNumerics(uint32_t numerics, Fn&& fn) {
   return fn.template operator()<WatertightTest>();
 }
 
+/// Whether traversal must find whatever the triangle test accepts.
+inline bool IsConservative(uint32_t numerics) {
+  return WithNumerics(numerics, []<class Test>() { return Test::kConservative; });
+}
+
 /// RB_CLAIM_* that a tree with conservative traversal may make with these tests.
 inline uint32_t ClaimOf(uint32_t numerics) {
   return Numerics(numerics) == Numerics::kFast ? RB_CLAIM_INEXACT : RB_CLAIM_WATERTIGHT;

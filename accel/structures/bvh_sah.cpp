@@ -55,6 +55,7 @@ class BvhSah {
       const BinnedSahOptions build{.bins = uint32_t(config.bins),
                                    .leaf_size = uint32_t(config.leaf_size),
                                    .block_size = 4,
+                                   .padded = IsConservative(config.numerics),
                                    .traversal_cost = float(config.traversal_cost)};
       bvh_ = Bvh2(geometry, BuildBinnedSah(geometry, build, options.cancel));
     });
