@@ -109,6 +109,7 @@ struct Split {
   float cost = std::numeric_limits<float>::infinity();  // of both sides, times area
   int axis = -1;
   int bin = 0;  // the first bin of the right side
+  Box4 left = Box4::Empty(), right = Box4::Empty();
 };
 
 class Builder {
@@ -227,8 +228,11 @@ class Builder {
         box.Extend(bins.box[axis][b - 1]), count += bins.count[axis][b - 1];
         if (count == 0 || right_cost[b] < 0) continue;
         const float cost = box.HalfArea() * Blocks(count) + right_cost[b];
-        if (cost < best.cost) best = {cost, axis, int32_t(b)};
+        if (cost < best.cost) best.cost = cost, best.axis = axis, best.bin = int32_t(b), best.left = box;
       }
+    }
+    if (best.axis >= 0) {
+      for (uint32_t b = uint32_t(best.bin); b < binning.bins; ++b) best.right.Extend(bins.box[best.axis][b]);
     }
     return best;
   }
@@ -239,48 +243,76 @@ class Builder {
     for (size_t i = right.begin; i < right.end; ++i) right.Extend(records_[i]);
   }
 
-  void Partition(const Range& range, const Binning& binning, const Split& split, Range& left, Range& right) {
-    size_t i = range.begin, j = range.end;
-    while (i < j) {
-      if (binning.Of(records_[i])[split.axis] < split.bin) {
-        left.Extend(records_[i++]);
-      } else {
-        --j;
-        right.Extend(records_[i]);
-        std::swap(records_[i], records_[j]);
-      }
+  /// Both sides' centroids, collected without a branch: which side a record goes to is anybody's guess.
+  class Sides {
+   public:
+    Sides(const Binning& binning, const Split& split)
+        : axis_(split.axis), bin_(split.bin), origin_(binning.origin[axis_]), scale_(binning.scale[axis_]) {}
+
+    bool Add(const Record& r) {
+      const Float4 c = r.Centroid2();
+      const bool is_left = int32_t((c[axis_] - origin_) * scale_) < bin_;  // as Binning::Of
+      const int32_t lanes = -int32_t(is_left);
+      const Int4 mask{lanes, lanes, lanes, lanes};
+      const Box4 none = Box4::Empty();
+      left_.lo = MinOrSecond(mask ? c : none.lo, left_.lo),
+      left_.hi = MaxOrSecond(mask ? c : none.hi, left_.hi);
+      right_.lo = MinOrSecond(mask ? none.lo : c, right_.lo),
+      right_.hi = MaxOrSecond(mask ? none.hi : c, right_.hi);
+      return is_left;
     }
-    left.end = right.begin = i;
+    bool IsLeft(const Record& r) const { return int32_t((r.Centroid2()[axis_] - origin_) * scale_) < bin_; }
+    void Into(Range& left, Range& right) const {
+      left.centroids.Extend(left_), right.centroids.Extend(right_);
+    }
+
+   private:
+    int axis_, bin_;
+    float origin_, scale_;
+    Box4 left_ = Box4::Empty(), right_ = Box4::Empty();
+  };
+
+  void Partition(const Range& range, const Binning& binning, const Split& split, Range& left, Range& right) {
+    Sides sides(binning, split);
+    size_t l = range.begin;
+    for (size_t i = range.begin; i < range.end; ++i) {
+      const Record r = records_[i];
+      records_[i] = records_[l];
+      records_[l] = r;
+      l += sides.Add(r);
+    }
+    left.end = right.begin = l;
+    left.box = split.left, right.box = split.right;
+    sides.Into(left, right);
   }
 
   /// Stable: each block counts its left side, then all blocks move their records to where they belong.
   void PartitionInParallel(const Range& range, const Binning& binning, const Split& split, Range& left,
                            Range& right) {
-    struct Side {
-      size_t left;
-      Range l, r;
-    };
-    std::vector<Side> blocks((range.size() + kParallelBlock - 1) / kParallelBlock);
+    const Sides empty(binning, split);
+    std::vector<Sides> sides((range.size() + kParallelBlock - 1) / kParallelBlock, empty);
+    std::vector<size_t> starts(sides.size());  // how many go left: in the block, then before it
     ForBlocks(range.begin, range.end, [&](size_t begin, size_t end) {
-      Side side{0, {0, 0}, {0, 0}};
-      for (size_t i = begin; i < end; ++i) {
-        const bool is_left = binning.Of(records_[i])[split.axis] < split.bin;
-        side.left += is_left;
-        (is_left ? side.l : side.r).Extend(records_[i]);
-      }
-      blocks[(begin - range.begin) / kParallelBlock] = side;
+      const size_t block = (begin - range.begin) / kParallelBlock;
+      Sides own = empty;
+      size_t lefts = 0;
+      for (size_t i = begin; i < end; ++i) lefts += own.Add(records_[i]);
+      sides[block] = own, starts[block] = lefts;
     });
     size_t lefts = 0;
-    for (Side& side : blocks) {
-      lefts += std::exchange(side.left, lefts);  // now: how many go left before this block
-      left.Extend(side.l), right.Extend(side.r);
+    for (size_t block = 0; block < sides.size(); ++block) {
+      lefts += std::exchange(starts[block], lefts);
+      sides[block].Into(left, right);
     }
     left.end = right.begin = range.begin + lefts;
+    left.box = split.left, right.box = split.right;
     ForBlocks(range.begin, range.end, [&](size_t begin, size_t end) {
-      size_t l = range.begin + blocks[(begin - range.begin) / kParallelBlock].left;
+      size_t l = range.begin + starts[(begin - range.begin) / kParallelBlock];
       size_t r = right.begin + (begin - l);
       for (size_t i = begin; i < end; ++i) {
-        scratch_[binning.Of(records_[i])[split.axis] < split.bin ? l++ : r++] = records_[i];
+        const bool is_left = empty.IsLeft(records_[i]);
+        scratch_[is_left ? l : r] = records_[i];
+        l += is_left, r += !is_left;
       }
     });
     ForBlocks(range.begin, range.end, [&](size_t begin, size_t end) {
