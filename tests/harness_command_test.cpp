@@ -222,6 +222,22 @@ TEST_F(HarnessCommand, HelpAndVersionAreComplete) {
   EXPECT_NE(version.out.find(HasCgalOracle() ? "GPL" : "Without CGAL"), std::string::npos) << version.out;
 }
 
+TEST_F(HarnessCommand, WithoutItsRealModelTheDefaultRunGoesOnAndIsInconclusive) {
+  const std::string path = std::getenv("PATH");
+  setenv("PATH", "/nonexistent", 1);  // no package client
+  setenv("RAYBENCH_CACHE", folder_.c_str(), 1);
+  const fs::path out = folder_ / "out";
+  const Outcome run = Call({"run", "--structures", "null", "--quick", "--rays", "64", "--repetitions", "1",
+                            "--threads", "1", "--no-report", "--out", out.string()});
+  setenv("PATH", path.c_str(), 1);
+  unsetenv("RAYBENCH_CACHE");
+  EXPECT_EQ(run.exit_code, 3) << run.err;
+  EXPECT_NE(run.err.find("'engine' cannot be had"), std::string::npos) << run.err;
+  std::set<std::string> scenes;
+  for (auto& row : ReadCsv(out / "cases.csv")) scenes.insert(row["scene"]);
+  EXPECT_EQ(scenes, (std::set<std::string>{"sphereflake", "stadium"}));
+}
+
 TEST_F(HarnessCommand, ListShowsParametersWithRangesAndDefaults) {
   const Outcome structures = Call({"list", "structures"});
   EXPECT_EQ(structures.exit_code, 0);
