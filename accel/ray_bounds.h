@@ -14,6 +14,7 @@
 // does not depend on the ray: a triangle's box is padded by 8 u E when the tree is built.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 

@@ -21,18 +21,12 @@
 #include "harness/machine.h"
 #include "harness/oracle.h"
 #include "harness/results.h"
+#include "tests/files.h"
 
 namespace raybench {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::string Read(const fs::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  std::ostringstream text;
-  text << in.rdbuf();
-  return text.str();
-}
 
 struct Outcome {
   int exit_code = -1;

@@ -9,18 +9,12 @@
 #include "harness/measure.h"
 #include "harness/results.h"
 #include "harness/table.h"
+#include "tests/files.h"
 
 namespace raybench {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::string Read(const fs::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  std::ostringstream text;
-  text << in.rdbuf();
-  return text.str();
-}
 
 class HarnessResults : public ::testing::Test {
  protected:
