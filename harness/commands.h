@@ -1,7 +1,10 @@
-// The commands beside `run`.
+// The commands of raybench: one file each, command_NAME.cpp, with the options it takes, their help and what
+// it does.
 #pragma once
 
-#include <cstdint>
+#include <CLI/CLI.hpp>
+#include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -9,32 +12,36 @@
 
 namespace raybench {
 
-struct RenderOptions {
-  std::string scene, structure = "bvh_sah", out;
-  uint32_t width = 512, height = 512, depth = 4, threads = 0;
-  uint64_t seed = 1;
-  bool drop_bad = false;
+/// What was typed, and what came of reading it.
+struct Invocation {
+  std::vector<std::string> arguments;        ///< the whole command line, for run.json
+  std::vector<std::string> benchmark_flags;  ///< "--benchmark_...": set aside, `run` alone takes them
+  std::vector<std::string> plugins;          ///< --plugin; loaded before `action` runs
+  /// Set by the command that was named, while the command line is read; returns the exit code.
+  std::function<int(const Registry&)> action;
 };
 
-/// Renders one picture and says how many rays it took. Throws InputError.
-int RenderCommand(const Registry& registry, const RenderOptions& options);
+// Each adds its command to the program. Options live as long as the program's `app`; `invocation` must
+// outlive it.
+void AddRunCommand(CLI::App& app, Invocation& invocation);
+void AddRenderCommand(CLI::App& app, Invocation& invocation);
+void AddListCommand(CLI::App& app, Invocation& invocation);
+void AddFetchCommand(CLI::App& app, Invocation& invocation);
+void AddReportCommand(CLI::App& app, Invocation& invocation);
 
-/// Every structure with its parameters, types, ranges and defaults, to stdout.
-int ListStructures(const Registry& registry);
-/// Generators with their parameters and the models of the manifest, to stdout.
-int ListScenes();
-
-/// Fetches the named models, or all. Throws InputError naming the first that cannot be had, after trying the
-/// rest.
-int FetchCommand(const std::vector<std::string>& names, bool all);
-
-/// Draws the plots of a result folder with the Python part; its exit code. Throws InputError if the folder is
-/// no result folder or there is no Python to run it.
-int ReportCommand(const std::string& folder);
-/// The same after a run: where the Python part cannot work, one line says how to get it.
-void DrawReportIfPossible(const std::string& folder);
-
-/// "raybench 0.1.0", for the metadata of pictures.
-std::string SoftwareName();
+/// A command whose options are a T, made here and kept by `act`: calls add(command, options) once, and
+/// act(options, registry) when the command was typed.
+template <class T, class Add, class Act>
+CLI::App& AddCommand(CLI::App& parent, Invocation& invocation, const char* name, const char* doc,
+                     const Add& add, const Act& act) {
+  auto options = std::make_shared<T>();
+  CLI::App& command = *parent.add_subcommand(name, doc);
+  command.fallthrough();
+  add(command, *options);
+  command.callback([&invocation, options, act] {
+    invocation.action = [options, act](const Registry& registry) { return act(*options, registry); };
+  });
+  return command;
+}
 
 }  // namespace raybench

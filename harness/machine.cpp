@@ -149,6 +149,8 @@ Json LibraryFacts() {
 
 bool HasCgalOracle() { return RAYBENCH_HAS_CGAL != 0; }
 
+std::string SoftwareName() { return fmt::format("raybench {}", kVersion); }
+
 std::string VersionText() {
   std::string text = fmt::format("raybench {} ({})\n{}, {}, {}\n", kVersion,
                                  *kCommit ? kCommit : "commit unknown", kCompiler, kBuildType, kFlags);

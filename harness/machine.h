@@ -15,6 +15,8 @@ Json BuildFacts();
 Json LibraryFacts();
 /// For --version: all of that in a few lines, and the licence note.
 std::string VersionText();
+/// "raybench 0.1.0", for the metadata of pictures and files.
+std::string SoftwareName();
 /// Whether the exact oracle over CGAL is built in.
 bool HasCgalOracle();
 

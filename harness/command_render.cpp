@@ -1,0 +1,113 @@
+// raybench render: one picture.
+#include <fmt/format.h>
+#include <tbb/info.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "datasets/scene.h"
+#include "harness/commands.h"
+#include "harness/interrupt.h"
+#include "harness/machine.h"
+#include "harness/measure.h"
+#include "harness/progress.h"
+#include "tracer/image_io.h"
+#include "tracer/tracer.h"
+
+namespace raybench {
+namespace fs = std::filesystem;
+namespace {
+
+struct RenderOptions {
+  std::string scene, structure = "bvh_sah", out, size;
+  uint32_t width = 512, height = 512, depth = 4, threads = 0;
+  uint64_t seed = 1;
+  bool drop_bad = false;
+};
+
+/// "640x480", each side 1 to 16384.
+void ParseSize(const std::string& text, RenderOptions& options) {
+  unsigned width = 0, height = 0;
+  char rest = 0;
+  if (std::sscanf(text.c_str(), "%5ux%5u%c", &width, &height, &rest) != 2 || width < 1 || height < 1 ||
+      width > 16384 || height > 16384) {
+    throw InputError(fmt::format("--size {}: write WIDTHxHEIGHT, each 1 to 16384", text));
+  }
+  options.width = width, options.height = height;
+}
+
+int RenderCommand(const Registry& registry, const RenderOptions& options) {
+  const std::string extension = fs::path(options.out).extension().string();
+  if (extension != ".png" && extension != ".exr") {
+    throw InputError(
+        fmt::format("{}: unknown picture format '{}'; allowed: .png, .exr", options.out, extension));
+  }
+  const Contestant contestant = ParseContestant(registry, options.structure);
+  LoadOptions load;
+  load.seed = options.seed;
+  load.drop_bad = options.drop_bad;
+  const Scene scene = LoadScene(options.scene, load);
+  ThrowIfInterrupted();
+  if (!scene.spheres.empty() && (contestant.structure->capabilities & RB_CAN_PROCEDURAL) == 0) {
+    throw InputError(
+        fmt::format("structure '{}' takes triangles only, but scene '{}' has procedural primitives",
+                    contestant.structure->name, options.scene));
+  }
+  rb_build_options build = DefaultBuildOptions();
+  build.threads =
+      options.threads != 0 ? options.threads : uint32_t(std::max(1, tbb::info::default_concurrency()));
+  build.seed = options.seed;
+  build.cancel = InterruptFlag();
+  const rb_geometry geometry = scene.Geometry();
+  const Stopwatch build_watch(true);
+  const Tree tree(contestant, geometry, build);
+  const double build_seconds = build_watch.Elapsed().wall;
+  Progress progress;
+  TraceOptions trace;
+  trace.width = options.width, trace.height = options.height;
+  trace.max_depth = options.depth;
+  trace.threads = options.threads;
+  trace.progress = [&](double fraction) { progress.Update(fraction, "rendering"); };
+  const Stopwatch trace_watch(true);
+  const TraceResult result = Trace(scene, tree, trace);
+  const double trace_seconds = trace_watch.Elapsed().wall;
+  ThrowIfInterrupted();
+  WriteImage(result.image, options.out, SoftwareName());
+  progress.Clear();
+  fmt::print("{}: {} x {}, {} built in {:.3f} s, traced and shaded in {:.3f} s\n", options.out, options.width,
+             options.height, contestant.Spec(), build_seconds, trace_seconds);
+  fmt::print("rays: {} camera, {} shadow, {} reflection, {} refraction\n", result.camera_rays,
+             result.shadow_rays, result.reflection_rays, result.refraction_rays);
+  return 0;
+}
+
+}  // namespace
+
+void AddRenderCommand(CLI::App& app, Invocation& invocation) {
+  AddCommand<RenderOptions>(
+      app, invocation, "render", "Render one picture",
+      [](CLI::App& command, RenderOptions& render) {
+        command.add_option("scene", render.scene, "What to render")->required()->type_name("SCENE");
+        command.add_option("--structure", render.structure, "What answers the rays; default bvh_sah")
+            ->type_name("A(X=1)");
+        command.add_option("-o,--out", render.out, "Picture to write, .png or .exr")
+            ->required()
+            ->type_name("FILE");
+        command.add_option("--size", render.size, "Pixels; default 512x512")->type_name("WxH");
+        command.add_option("--depth", render.depth, "Reflections and refractions in a row; default 4")
+            ->check(CLI::Range(0u, 64u))
+            ->type_name("N");
+        command.add_option("--threads", render.threads, "Threads; default all")
+            ->check(CLI::Range(1u, 1024u))
+            ->type_name("N");
+        command.add_option("--seed", render.seed, "Seed of generators; default 1")->type_name("N");
+        command.add_flag("--drop-bad", render.drop_bad,
+                         "Leave out bad triangles instead of refusing the file");
+      },
+      [](RenderOptions& options, const Registry& registry) {
+        if (!options.size.empty()) ParseSize(options.size, options);
+        return RenderCommand(registry, options);
+      });
+}
+
+}  // namespace raybench

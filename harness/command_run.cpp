@@ -1,0 +1,82 @@
+// raybench run: what the main job takes.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <optional>
+
+#include "harness/commands.h"
+#include "harness/run.h"
+
+namespace raybench {
+namespace {
+
+struct RunArguments {
+  RunOptions run;
+  std::optional<std::string> structures;
+  bool no_report = false;
+};
+
+void AddOptions(CLI::App& command, RunArguments& arguments) {
+  RunOptions& run = arguments.run;
+  command.add_option("scenes", run.scenes, "Files, generators or fetched models (see: raybench list scenes)")
+      ->type_name("SCENE");
+  command
+      .add_option("--structures", arguments.structures, "Such as bvh_sah,embree(robust=true); default: all")
+      ->type_name("A,B(X=1)");
+  command.add_flag("--quick", run.quick, "Fewer rays and repetitions: within a minute");
+  command.add_option("--out", run.out, "Result folder; default: results/<UTC time>")->type_name("DIR");
+  command.add_option("--rays", run.rays, "Rays of a set; default 128K, quick 16K")
+      ->transform(CLI::AsSizeValue(false))
+      ->check(CLI::Range(uint64_t{64}, uint64_t{1} << 28))
+      ->type_name("N");
+  command
+      .add_option("--verify-rays", run.verify_rays,
+                  "Rays of a set compared with the truth; default 4K, quick 1K")
+      ->transform(CLI::AsSizeValue(false))
+      ->check(CLI::Range(uint64_t{1}, uint64_t{1} << 28))
+      ->type_name("N");
+  command.add_option("--repetitions", run.repetitions, "Samples of a case; default 9, quick 6")
+      ->check(CLI::Range(1u, 10000u))
+      ->type_name("N");
+  command.add_option("--threads", run.threads, "Thread counts; default 1, for builds 1 and all")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->check(CLI::Range(1u, 1024u))
+      ->type_name("N,M");
+  command.add_option("--depth", run.depth, "Bounces of the picture whose rays are recorded; default 2")
+      ->check(CLI::Range(0u, 64u))
+      ->type_name("N");
+  command.add_option("--seed", run.seed, "Seed of everything random; default 1")->type_name("N");
+  command.add_option("--memory-limit", run.memory_limit, "What a tree and its building may take, such as 8G")
+      ->transform(CLI::AsSizeValue(false))
+      ->type_name("BYTES");
+  command.add_flag("--shuffled", run.shuffled, "Time a shuffled twin of each traced ray set too");
+  command.add_flag("--drop-bad", run.drop_bad, "Leave out bad triangles instead of refusing the file");
+  command.add_flag("--resume", run.resume, "Go on in --out and keep the cases that are there");
+  command.add_flag("--no-report", arguments.no_report, "Draw no plots");
+  command.footer(
+      "Arguments --benchmark_... go to Google Benchmark, such as --benchmark_min_time=0.1 or "
+      "--benchmark_filter=camera.");
+}
+
+}  // namespace
+
+void AddRunCommand(CLI::App& app, Invocation& invocation) {
+  AddCommand<RunArguments>(app, invocation, "run", "Verify and measure structures on scenes", AddOptions,
+                           [&invocation](RunArguments& arguments, const Registry& registry) {
+                             RunOptions& run = arguments.run;
+                             if (arguments.structures) run.structures = SplitSpecs(*arguments.structures);
+                             if (run.resume && run.out.empty())
+                               throw InputError("--resume needs --out: the folder to go on in");
+                             std::sort(run.threads.begin(), run.threads.end());
+                             run.threads.erase(std::unique(run.threads.begin(), run.threads.end()),
+                                               run.threads.end());
+                             run.plugins = invocation.plugins;
+                             run.command_line = invocation.arguments;
+                             run.benchmark_flags = std::exchange(invocation.benchmark_flags, {});
+                             run.report = !arguments.no_report;
+                             return RunBenchmark(registry, run);
+                           });
+}
+
+}  // namespace raybench
