@@ -1,6 +1,14 @@
 // FNV-1a style 64-bit content hash, eight bytes a step: names geometry and ray sets. Not cryptographic.
+//
+//   state = 0xCBF29CE484222325
+//   for each array, for each 8 bytes of it (the last ones filled up with zeros), as little-endian word w:
+//     state = (state ^ w) * 0x9FB21C651E98DF25;  state ^= state >> 29
+//   value = state ^ state >> 32;  value *= 0xD6E8FEB86659FD93;  value ^= value >> 32
+//
+// Other programs compute it too (tracer/RAYS.md), so it is not to be changed.
 #pragma once
 
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -8,6 +16,8 @@
 #include <string_view>
 
 namespace raybench {
+
+static_assert(std::endian::native == std::endian::little, "hashes and files are little-endian");
 
 class Hash64 {
  public:

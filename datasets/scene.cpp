@@ -245,6 +245,17 @@ void Scene::Finish(bool drop_bad) {
     fail(fmt::format("{} vertices and {} primitives; fewer than {} of each are allowed", positions.size(),
                      primitive_count(), RAYBENCH_NONE));
 
+  // Of the geometry as it was given, before anything is left out or rescaled: so that whoever hands it over
+  // can compute the same.
+  Hash64 hash;
+  hash.AddValue(uint64_t{positions.size()});
+  hash.AddValue(uint64_t{triangles.size()});
+  hash.AddValue(uint64_t{spheres.size()});
+  hash.Add(positions.data(), positions.size() * sizeof(Vec3f));
+  hash.Add(triangles.data(), triangles.size() * sizeof triangles[0]);
+  hash.Add(spheres.data(), spheres.size() * sizeof(Sphere));
+  hash_ = hash.Hex();
+
   // Triangles: 0 stays, 1 is bad, 2 is degenerate.
   if (!drop_bad) {
     if (size_t i = FindFirst(positions.size(), [&](size_t k) { return !IsFinite(positions[k]); });
@@ -374,15 +385,6 @@ void Scene::Finish(bool drop_bad) {
     lights = AutomaticLights(bounds_, cameras.front());
     automatic_lights = true;
   }
-
-  Hash64 hash;
-  hash.AddValue(uint64_t{positions.size()});
-  hash.AddValue(uint64_t{triangles.size()});
-  hash.AddValue(uint64_t{spheres.size()});
-  hash.Add(positions.data(), positions.size() * sizeof(Vec3f));
-  hash.Add(triangles.data(), triangles.size() * sizeof triangles[0]);
-  hash.Add(spheres.data(), spheres.size() * sizeof(Sphere));
-  hash_ = hash.Hex();
 
   // The contract's 16 readable bytes after the last position.
   positions.reserve(positions.size() + 2);

@@ -94,7 +94,9 @@ class Scene {
   rb_geometry Geometry() const;
   uint64_t primitive_count() const { return triangles.size() + spheres.size(); }
   const Bounds3& bounds() const { return bounds_; }
-  /// 64-bit hash of geometry (positions, triangles, spheres), 16 hex digits.
+  /// Names the geometry, 16 hex digits: Hash64 over the numbers of positions, triangles and procedural
+  /// primitives (uint64 each), then the three arrays, as they were before Finish(): with what it left out and
+  /// without its scale. tracer/RAYS.md has the algorithm for programs outside.
   const std::string& hash() const { return hash_; }
   uint32_t MaterialOf(uint32_t prim) const {
     return prim < triangles.size() ? triangle_material[prim] : sphere_material[prim - triangles.size()];

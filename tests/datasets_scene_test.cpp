@@ -228,6 +228,47 @@ TEST(FinishTest, HashIsOfTheGeometryAlone) {
   EXPECT_NE(a.hash(), c.hash());
 }
 
+/// The algorithm of tracer/RAYS.md, byte by byte.
+class DocumentedHash {
+ public:
+  void Array(const void* data, size_t size) {
+    const auto* bytes = static_cast<const unsigned char*>(data);
+    for (size_t i = 0; i < size; i += 8) {
+      uint64_t word = 0;
+      for (size_t k = 0; k < 8 && i + k < size; ++k) word += uint64_t{bytes[i + k]} << (8 * k);
+      state_ = (state_ ^ word) * 0x9FB21C651E98DF25u;
+      state_ ^= state_ >> 29;
+    }
+  }
+  std::string Hex() const {
+    uint64_t h = (state_ ^ (state_ >> 32)) * 0xD6E8FEB86659FD93u;
+    h ^= h >> 32;
+    char text[17];
+    std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(h));
+    return text;
+  }
+
+ private:
+  uint64_t state_ = 0xCBF29CE484222325u;
+};
+
+TEST(FinishTest, HashIsOfTheGeometryAsGiven) {
+  Scene scene = Tetrahedron(0x1p40f);                          // is rescaled
+  scene.positions.push_back({7, -0.0f, 0x1p41f});              // used by nobody: becomes 0
+  scene.triangles.insert(scene.triangles.begin(), {1, 1, 2});  // degenerate: is left out
+  scene.spheres.push_back({{1, 2, 3}, 0x1p39f});
+  DocumentedHash hash;
+  const uint64_t counts[] = {scene.positions.size(), scene.triangles.size(), scene.spheres.size()};
+  hash.Array(counts, sizeof counts);
+  hash.Array(scene.positions.data(), scene.positions.size() * sizeof(Vec3f));
+  hash.Array(scene.triangles.data(), scene.triangles.size() * sizeof scene.triangles[0]);
+  hash.Array(scene.spheres.data(), scene.spheres.size() * sizeof(Sphere));
+  scene.Finish();
+  EXPECT_EQ(scene.stats.degenerate_triangles, 1u);
+  EXPECT_NE(scene.scale_exponent, 0);
+  EXPECT_EQ(scene.hash(), hash.Hex());
+}
+
 TEST(GeometryTest, HasReadableBytesAfterTheLastPosition) {
   Scene scene = Tetrahedron(1);
   EXPECT_THROW(scene.Geometry(), std::logic_error);
