@@ -241,6 +241,13 @@ void Scene::Finish(bool drop_bad) {
   if (triangle_material.size() != triangles.size() || triangle_face.size() != triangles.size() ||
       sphere_material.size() != spheres.size())
     throw std::logic_error("Scene::Finish: one material and one face id is needed for each primitive");
+  if ((!normals.empty() && normals.size() != positions.size()) ||
+      (!uvs.empty() && uvs.size() != positions.size()))
+    throw std::logic_error("Scene::Finish: normals and uvs are one per position, or none");
+  for (size_t i = 0; i < materials.size(); ++i)
+    if (int32_t texture = materials[i].base_color_texture;
+        texture < -1 || texture >= int64_t(textures.size()))
+      fail(fmt::format("material {} has texture {}; there are {}", i, texture, textures.size()));
   if (positions.size() >= RAYBENCH_NONE || primitive_count() >= RAYBENCH_NONE)
     fail(fmt::format("{} vertices and {} primitives; fewer than {} of each are allowed", positions.size(),
                      primitive_count(), RAYBENCH_NONE));
@@ -306,6 +313,17 @@ void Scene::Finish(bool drop_bad) {
     spheres[kept] = s, sphere_material[kept++] = sphere_material[i];
   }
   spheres.resize(kept), sphere_material.resize(kept);
+
+  auto finite_or_zero = [&](auto& items, const auto& is_finite, const char* what) {
+    size_t bad = 0;
+    for (auto& item : items)
+      if (!is_finite(item)) item = {}, ++bad;
+    if (bad > 0) stats.notes.push_back(fmt::format("{} {} are not finite and count as 0", bad, what));
+  };
+  finite_or_zero(
+      normals, [](Vec3f n) { return IsFinite(n); }, "shading normals");
+  finite_or_zero(
+      uvs, [](Vec2f t) { return std::isfinite(t.u) && std::isfinite(t.v); }, "texture coordinates");
 
   // Vertices that no triangle uses must not decide about bounds and scale; at 0 they are in anybody's range.
   std::vector<uint8_t> used(positions.size());

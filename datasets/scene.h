@@ -12,10 +12,14 @@
 #include "accel/parameters.h"
 #include "accel/raybench.h"
 #include "accel/vec3.h"
+#include "datasets/texture.h"
 
 namespace raybench {
 
-/// Whitted material, linear RGB in [0,1]. Base colour and textures are modelled fully in a later issue.
+/// How `Material::alpha` acts (glTF 2.0, 3.9.4): not at all; as a hole below `alpha_cutoff`; as a blend.
+enum class AlphaMode : uint8_t { kOpaque, kMask, kBlend };
+
+/// Whitted material, linear RGB in [0,1].
 struct Material {
   std::string name;
   Vec3f diffuse{0.7f, 0.7f, 0.7f};
@@ -25,6 +29,10 @@ struct Material {
   Vec3f reflect{0, 0, 0};   ///< k_r: weight of the ideal mirror ray
   Vec3f transmit{0, 0, 0};  ///< k_t: weight of the refracted ray
   float ior = 1.5f;
+  int32_t base_color_texture = -1;  ///< index into Scene::textures, looked up at Scene::uvs; -1: none
+  float alpha = 1;                  ///< times the texture's alpha
+  AlphaMode alpha_mode = AlphaMode::kOpaque;
+  float alpha_cutoff = 0.5f;  ///< for AlphaMode::kMask
 };
 
 /// Point light; `intensity` is divided by the squared distance when `falloff` is set.
@@ -60,6 +68,7 @@ struct LoadStats {
   uint64_t dropped_triangles = 0;     ///< non-finite or out-of-range, left out because the caller asked to
   uint64_t instances = 0;             ///< mesh nodes flattened
   uint64_t shared_triangles = 0;      ///< triangles that instancing would have shared
+  std::vector<std::string> notes;     ///< what the file has and the scene has not, a line each, for the user
 };
 
 /// Immutable once Finish() has run. Positions are the file's float32 values times 2^scale_exponent.
@@ -70,14 +79,17 @@ class Scene {
   LoadStats stats;
 
   std::vector<Vec3f> positions;
+  std::vector<Vec3f> normals;  ///< shading normals of any length, one per position or empty; 0: none there
+  std::vector<Vec2f> uvs;      ///< texture coordinates, one per position or empty
   std::vector<std::array<uint32_t, 3>> triangles;
   std::vector<uint32_t> triangle_material;  ///< one per triangle
   std::vector<uint32_t> triangle_face;      ///< the file's face id of each triangle (0-based, in file order)
   std::vector<Sphere> spheres;
   std::vector<uint32_t> sphere_material;
   std::vector<Material> materials;  ///< at least one after Finish()
-  std::vector<PointLight> lights;   ///< at least one after Finish()
-  std::vector<Camera> cameras;      ///< at least one after Finish(); the first is used
+  std::vector<Texture> textures;
+  std::vector<PointLight> lights;  ///< at least one after Finish()
+  std::vector<Camera> cameras;     ///< at least one after Finish(); the first is used
   Vec3f ambient{0.1f, 0.1f, 0.1f};
   Vec3f background{0.6f, 0.7f, 0.8f};
   int scale_exponent = 0;
@@ -86,7 +98,8 @@ class Scene {
   /// Brings a freshly filled scene into the state the contract promises: checks vertices (finite) and
   /// indices, leaves out exactly degenerate triangles, rescales by a power of two if max |coordinate| lies
   /// outside [2^-30, 2^30], adds a camera and lights where there are none, computes bounds and hash. With
-  /// `drop_bad` bad triangles are left out and counted instead of throwing. Throws InputError naming
+  /// `drop_bad` bad triangles are left out and counted instead of throwing. Shading normals that are not
+  /// finite become (0, 0, 0), such texture coordinates (0, 0), with a note. Throws InputError naming
   /// `provenance.source` and the vertex or face.
   void Finish(bool drop_bad = false);
 

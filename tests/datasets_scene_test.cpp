@@ -75,6 +75,35 @@ Scene Tetrahedron(float s) {
   return scene;
 }
 
+TEST(FinishTest, ShadingAttributesGoWithPositions) {
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  Scene scene = Tetrahedron(1);
+  scene.normals = {{0, 0, 1}, {nan, 0, 1}, {3, 4, 0}, {0, INFINITY, 0}};
+  scene.uvs = {{0, 0}, {1, 0}, {0.5f, -7}, {0, nan}};
+  scene.materials.resize(1);
+  scene.materials[0].base_color_texture = 0;
+  scene.textures.push_back({"t", "t.png", "image/png", std::make_shared<std::string>("x")});
+  Scene plain = Tetrahedron(1);
+  scene.Finish(), plain.Finish();
+  EXPECT_EQ(scene.normals, (std::vector<Vec3f>{{0, 0, 1}, {0, 0, 0}, {3, 4, 0}, {0, 0, 0}}));
+  EXPECT_EQ(scene.uvs, (std::vector<Vec2f>{{0, 0}, {1, 0}, {0.5f, -7}, {0, 0}}));
+  EXPECT_THAT(scene.stats.notes, testing::ElementsAre("2 shading normals are not finite and count as 0",
+                                                      "1 texture coordinates are not finite and count as 0"));
+  EXPECT_EQ(scene.hash(), plain.hash());  // looks are no geometry
+  Scene uneven = Tetrahedron(1);
+  uneven.normals.resize(3);
+  EXPECT_THROW(uneven.Finish(), std::logic_error);
+  Scene broken = Tetrahedron(1);
+  broken.materials.resize(1);
+  broken.materials[0].base_color_texture = 0;
+  try {
+    broken.Finish();
+    FAIL();
+  } catch (const InputError& e) {
+    EXPECT_THAT(e.what(), HasSubstr("test.obj: material 0 has texture 0; there are 0"));
+  }
+}
+
 TEST(FinishTest, LeavesOutDegenerateTrianglesAndKeepsTheRestTogether) {
   Scene scene = Tetrahedron(1);
   scene.materials.resize(5);
