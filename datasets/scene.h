@@ -125,20 +125,23 @@ class Scene {
 /// True if the three points are exactly collinear or coincide. Exact for all finite floats.
 bool IsDegenerate(Vec3f a, Vec3f b, Vec3f c);
 
-/// A procedural scene: a seeded generator with described parameters.
-struct Generator {
-  const char *name, *doc, *source;
-  const rb_param* params;
-  uint32_t param_count, config_size;
-  Scene (*generate)(const void* config, uint64_t seed);  ///< returns a scene on which Finish() has run
-};
-std::vector<const Generator*> Generators();
-
 struct LoadOptions {
   uint64_t seed = 1;                              ///< for generators
   bool drop_bad = false;                          ///< leave out bad triangles instead of refusing the file
   std::function<void(double fraction)> progress;  ///< may be empty
 };
+
+/// A procedural scene: a seeded generator with described parameters.
+struct Generator {
+  const char *name, *doc, *source;
+  const rb_param* params;
+  uint32_t param_count, config_size;
+  /// Exactly how many primitives generate() will make; at most 2^60.
+  uint64_t (*count)(const void* config);
+  /// Takes seed and progress from the options; returns a scene on which Finish() has run.
+  Scene (*generate)(const void* config, const LoadOptions& options);
+};
+std::vector<const Generator*> Generators();
 
 /// Loads what a user named: a path to .obj/.off/.gltf/.glb, a generator ("sphereflake(depth=5)"), or a model
 /// of the manifest ("engine"; it must have been fetched). Throws InputError: missing, unknown format, broken,

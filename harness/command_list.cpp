@@ -58,7 +58,9 @@ int ListStructures(const Registry& registry) {
 int ListScenes() {
   fmt::print("Generators, written NAME or NAME(key=value,...):\n\n");
   for (const Generator* g : Generators()) {
-    fmt::print("  {}: {}\n      source: {}\n", g->name, g->doc, g->source);
+    const std::vector<std::byte> defaults = Configure("", {g->params, g->param_count}, g->config_size, {});
+    fmt::print("  {}: {}\n      {} primitives by default; source: {}\n", g->name, g->doc,
+               g->count(defaults.data()), g->source);
     PrintParameters({g->params, g->param_count}, g->config_size);
   }
   fmt::print("\nModels that `raybench fetch` gets, into {}:\n\n", CacheDirectory().string());

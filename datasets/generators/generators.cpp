@@ -1,9 +1,5 @@
 #include "datasets/generators/generators.h"
 
-#include <tbb/parallel_for.h>
-
-#include "datasets/random.h"
-
 namespace raybench {
 
 namespace {
@@ -76,12 +72,27 @@ Mesh GeodesicSphere(uint32_t n) {
   return mesh;
 }
 
+Frame RandomFrame(Random& random) {
+  Frame frame;
+  frame.x = random.UnitVector();
+  do frame.z = Cross(frame.x, random.UnitVector());
+  while (Dot(frame.z, frame.z) < 0.01);
+  frame.z = Normalize(frame.z), frame.y = Cross(frame.z, frame.x);
+  return frame;
+}
+
 void Append(Scene& scene, const Mesh& mesh, uint32_t material) {
-  uint32_t first = uint32_t(scene.positions.size());
-  for (Vec3d p : mesh.positions) scene.positions.push_back(ToFloat(p));
-  for (const std::array<uint32_t, 3>& t : mesh.triangles)
-    scene.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
+  const size_t first = scene.positions.size(), start = scene.triangles.size();
+  scene.positions.resize(first + mesh.positions.size());
+  scene.triangles.resize(start + mesh.triangles.size());
   scene.triangle_material.resize(scene.triangles.size(), material);
+  tbb::parallel_for(size_t{0}, mesh.positions.size(),
+                    [&](size_t i) { scene.positions[first + i] = ToFloat(mesh.positions[i]); });
+  const uint32_t shift = uint32_t(first);
+  tbb::parallel_for(size_t{0}, mesh.triangles.size(), [&](size_t i) {
+    const std::array<uint32_t, 3>& t = mesh.triangles[i];
+    scene.triangles[start + i] = {t[0] + shift, t[1] + shift, t[2] + shift};
+  });
 }
 
 uint32_t AddMaterial(Scene& scene, Material material) {

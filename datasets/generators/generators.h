@@ -1,17 +1,47 @@
 // The procedural scenes: one file each, its stem is the name users type.
 #pragma once
 
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include "accel/vec3.h"
+#include "datasets/random.h"
 #include "datasets/scene.h"
 
 namespace raybench {
 
 // A new generator is a file here plus a line in Generators() (load_scene.cpp).
-extern const Generator kIcosphereGenerator, kSphereflakeGenerator, kStadiumGenerator, kTerrainBoxGenerator;
+extern const Generator kCityGenerator, kFibresGenerator, kIcosphereGenerator, kMengerGenerator,
+    kShellsGenerator, kSoupGenerator, kSphereflakeGenerator, kStadiumGenerator, kTerrainGenerator,
+    kTerrainBoxGenerator;
+
+/// Calls body(i) for each i of 0 <= i < n, in parallel; now and then tells `progress`, on the calling thread,
+/// how much of `share` of the whole is done. A body writes only what belongs to its i, so results do not
+/// depend on the number of threads.
+template <class Body>
+void ForEachItem(size_t n, const std::function<void(double)>& progress, double share, const Body& body) {
+  constexpr size_t kPieces = 32;
+  const size_t piece =
+      progress && n > (size_t{1} << 16) ? (n + kPieces - 1) / kPieces : std::max<size_t>(n, 1);
+  for (size_t begin = 0; begin < n; begin += piece) {
+    const size_t end = std::min(n, begin + piece);
+    tbb::parallel_for(begin, end, body);
+    if (progress) progress(share * double(end) / double(n));
+  }
+}
+
+/// Three perpendicular unit vectors, right-handed.
+struct Frame {
+  Vec3d x, y, z;
+  Vec3d operator*(Vec3d p) const { return x * p.x + y * p.y + z * p.z; }
+};
+/// Uniform in x; around it as good as uniform.
+Frame RandomFrame(Random& random);
 
 /// Triangles over shared vertices, in double until they become part of a scene.
 struct Mesh {

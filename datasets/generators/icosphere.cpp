@@ -3,7 +3,6 @@
 #include <cstddef>
 
 #include "datasets/generators/generators.h"
-#include "datasets/random.h"
 
 namespace raybench {
 namespace {
@@ -17,18 +16,17 @@ const rb_param kParams[] = {
      11, 6, nullptr},
 };
 
-Scene Generate(const void* config, uint64_t seed) {
+uint64_t Count(const void* config) { return uint64_t{20} << (2 * static_cast<const Config*>(config)->level); }
+
+Scene Generate(const void* config, const LoadOptions& options) {
   const Config& c = *static_cast<const Config*>(config);
   Scene scene;
   scene.provenance.source = "icosphere";
   Mesh mesh = GeodesicSphere(1u << c.level);
-  // A random rotation takes the vertices off the coordinate planes: x, then y and z perpendicular to it.
-  Random random(seed);
-  Vec3d x = random.UnitVector(), y, z;
-  do z = Cross(x, random.UnitVector());
-  while (Dot(z, z) < 0.01);
-  z = Normalize(z), y = Cross(z, x);
-  for (Vec3d& p : mesh.positions) p = x * p.x + y * p.y + z * p.z;
+  // A random rotation takes the vertices off the coordinate planes.
+  Random random(options.seed);
+  const Frame frame = RandomFrame(random);
+  for (Vec3d& p : mesh.positions) p = frame * p;
 
   Material shiny;
   shiny.name = "sphere";
@@ -47,6 +45,7 @@ const Generator kIcosphereGenerator = {
     kParams,
     std::size(kParams),
     sizeof(Config),
+    Count,
     Generate};
 
 }  // namespace raybench

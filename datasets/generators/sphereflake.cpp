@@ -24,9 +24,7 @@ const rb_param kParams[] = {
      RB_INT, 0, offsetof(Config, tessellation), 0, 0, 8, 4, nullptr},
 };
 
-constexpr uint64_t kMaxPrimitives = 200'000'000;
-
-struct Frame {
+struct Placement {
   Vec3d center, x, y, z;  // z points away from the parent
   double radius;
 };
@@ -48,7 +46,7 @@ class Flake {
     }
   }
 
-  void Add(const Frame& frame, int generation) {
+  void Add(const Placement& frame, int generation) {
     if (analytic_) {
       scene_.spheres.push_back({ToFloat(frame.center), float(frame.radius)});
       scene_.sphere_material.push_back(materials_[size_t(generation)]);
@@ -74,7 +72,7 @@ class Flake {
                              {-s * low, 0.5 * low, high},
                              {0, -low, high}};
     for (Vec3d a : around) {
-      Frame child;
+      Placement child;
       child.z = Normalize(frame.x * a.x + frame.y * a.y + frame.z * a.z);
       // Any direction that is not along z will do for x; the parent's axis keeps the figure symmetric.
       Vec3d reference = a.z == 0 ? frame.z : frame.x * -a.y + frame.y * a.x;
@@ -94,7 +92,8 @@ class Flake {
   std::vector<uint32_t> materials_;
 };
 
-uint64_t PrimitiveCount(const Config& c) {
+uint64_t Count(const void* config) {
+  const Config& c = *static_cast<const Config*>(config);
   uint64_t count = 2, spheres = 1;
   for (int64_t g = 0; g <= c.depth; ++g, spheres *= 9)
     count +=
@@ -102,13 +101,9 @@ uint64_t PrimitiveCount(const Config& c) {
   return count;
 }
 
-Scene Generate(const void* config, uint64_t) {
+Scene Generate(const void* config, const LoadOptions&) {
   const Config& c = *static_cast<const Config*>(config);
-  uint64_t count = PrimitiveCount(c);
-  if (count > kMaxPrimitives)
-    throw InputError(
-        fmt::format("sphereflake(depth={},tessellation={}) would have {} primitives; at most {} are allowed",
-                    c.depth, c.tessellation, count, kMaxPrimitives));
+  const uint64_t count = Count(config);
   Scene scene;
   scene.provenance.source = "sphereflake";
   if (c.tessellation == 0) {
@@ -147,6 +142,7 @@ const Generator kSphereflakeGenerator = {
     kParams,
     std::size(kParams),
     sizeof(Config),
+    Count,
     Generate};
 
 }  // namespace raybench

@@ -1,8 +1,6 @@
 // The teapot in a stadium: a small object of many triangles in a huge arena of few. A structure that divides
 // space evenly puts the whole object into one cell. The object is a rabbit-like blob.
 
-#include <tbb/parallel_for.h>
-
 #include <cstddef>
 
 #include "datasets/generators/generators.h"
@@ -104,12 +102,21 @@ Mesh Arena() {
   return mesh;
 }
 
-Scene Generate(const void* config, uint64_t seed) {
+/// Steps along each side of the icosahedron that the object is made of.
+uint32_t Steps(const Config& c) {
+  return uint32_t(std::max(1.0, std::round(std::sqrt(double(c.size) / 20))));
+}
+
+uint64_t Count(const void* config) {
+  const uint64_t n = Steps(*static_cast<const Config*>(config));
+  return 20 * n * n + kArenaTriangles;
+}
+
+Scene Generate(const void* config, const LoadOptions& options) {
   const Config& c = *static_cast<const Config*>(config);
   Scene scene;
   scene.provenance.source = "stadium";
-  uint32_t n = uint32_t(std::max(1.0, std::round(std::sqrt(double(c.size) / 20))));
-  Mesh rabbit = Rabbit(n, seed), arena = Arena();
+  Mesh rabbit = Rabbit(Steps(c), options.seed), arena = Arena();
   double height = 0;
   for (Vec3d p : rabbit.positions) height = std::max(height, p.y);
   for (Vec3d& p : rabbit.positions) p = p * (1 / height);  // size 1
@@ -141,6 +148,7 @@ const Generator kStadiumGenerator = {
     kParams,
     std::size(kParams),
     sizeof(Config),
+    Count,
     Generate};
 
 }  // namespace raybench

@@ -1,8 +1,6 @@
 // A closed box whose top is a fractal height field: many small triangles in a layer, large slivers around
 // them.
 
-#include <tbb/parallel_for.h>
-
 #include <cstddef>
 
 #include "datasets/generators/generators.h"
@@ -19,9 +17,14 @@ const rb_param kParams[] = {
      RB_PARAM_LOG, offsetof(Config, n), 0, 1, 8000, 180, nullptr},
 };
 
-Scene Generate(const void* config, uint64_t seed) {
+uint64_t Count(const void* config) {
+  const uint64_t n = uint64_t(static_cast<const Config*>(config)->n);
+  return 2 * n * n + 12 * n;
+}
+
+Scene Generate(const void* config, const LoadOptions& options) {
   const uint32_t n = uint32_t(static_cast<const Config*>(config)->n), row = n + 1;
-  const ValueNoise noise(seed);
+  const ValueNoise noise(options.seed);
   Mesh mesh;
   mesh.positions.resize(size_t{row} * row);
   tbb::parallel_for(uint32_t{0}, row, [&](uint32_t z) {
@@ -73,6 +76,7 @@ const Generator kTerrainBoxGenerator = {
     kParams,
     std::size(kParams),
     sizeof(Config),
+    Count,
     Generate};
 
 }  // namespace raybench
