@@ -6,15 +6,13 @@
 
 #include "accel/registry.h"
 #include "harness/oracle.h"
+#include "harness/ray_sets.h"
 #include "harness/results.h"
-#include "tracer/ray_set.h"
 
 namespace raybench {
 
 /// A ray set with the truth of a seeded part of it.
-struct PreparedSet {
-  RaySet set;
-  uint64_t captured = 0;  ///< rays before thinning
+struct PreparedSet : SourcedSet {
   std::vector<uint32_t> picks;
   std::vector<rb_ray> picked;
   std::vector<Truth> truth;

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <optional>
 
 #include "harness/commands.h"
@@ -13,8 +14,34 @@ namespace {
 struct RunArguments {
   RunOptions run;
   std::optional<std::string> structures;
+  std::vector<std::string> rays;  ///< a number, files, or both
   bool no_report = false;
 };
+
+/// A number names no file; the file "64" is reached as ./64.
+void ReadRays(const std::vector<std::string>& words, RunOptions& run) {
+  for (const std::string& word : words) {
+    if (word.empty() || word.find_first_not_of("0123456789") == 0) {
+      std::error_code error;
+      if (!std::filesystem::exists(word, error))
+        throw InputError(fmt::format("--rays {}: neither a number of rays nor a .rays file", word));
+      run.ray_files.push_back(word);
+      continue;
+    }
+    std::string number = word;
+    uint64_t rays = 0;
+    if (!CLI::AsSizeValue(false)(number).empty() || !CLI::detail::lexical_cast(number, rays) || rays < 64 ||
+        rays > uint64_t{1} << 28)
+      throw InputError(
+          fmt::format("--rays {}: a number of rays lies between 64 and 2^28; a file whose name "
+                      "begins with a digit is given as ./{}",
+                      word, word));
+    run.rays = rays;
+  }
+  if (run.ray_files.empty()) return;
+  if (run.scenes.empty()) throw InputError("--rays FILE: name the scene that the rays were recorded in");
+  if (!run.sets.empty()) throw InputError("--sets is for captured ray sets; --rays FILE names its own");
+}
 
 void AddOptions(CLI::App& command, RunArguments& arguments) {
   RunOptions& run = arguments.run;
@@ -25,10 +52,17 @@ void AddOptions(CLI::App& command, RunArguments& arguments) {
       ->type_name("A,B(X=1)");
   command.add_flag("--quick", run.quick, "Fewer rays and repetitions: within a minute");
   command.add_option("--out", run.out, "Result folder; default: results/<UTC time>")->type_name("DIR");
-  command.add_option("--rays", run.rays, "Rays of a set; default 128K, quick 16K")
-      ->transform(CLI::AsSizeValue(false))
-      ->check(CLI::Range(uint64_t{64}, uint64_t{1} << 28))
-      ->type_name("N");
+  command
+      .add_option("--rays", arguments.rays,
+                  "A number: rays of a set, default 128K, quick 16K. A .rays file or a folder of them (see: "
+                  "raybench rays): these rays instead of captured ones, under the files' names; all of them "
+                  "unless a number is given too. May be repeated")
+      ->allow_extra_args(false)
+      ->type_name("N|FILE");
+  command.add_option("--sets", run.sets, "Captured ray sets to ask, such as camera,shadow.0; default all")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->type_name("A,B");
   command
       .add_option("--verify-rays", run.verify_rays,
                   "Rays of a set compared with the truth; default 4K, quick 1K")
@@ -66,6 +100,7 @@ void AddRunCommand(CLI::App& app, Invocation& invocation) {
                            [&invocation](RunArguments& arguments, const Registry& registry) {
                              RunOptions& run = arguments.run;
                              if (arguments.structures) run.structures = SplitSpecs(*arguments.structures);
+                             ReadRays(arguments.rays, run);
                              if (run.resume && run.out.empty())
                                throw InputError("--resume needs --out: the folder to go on in");
                              std::sort(run.threads.begin(), run.threads.end());

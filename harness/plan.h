@@ -30,10 +30,13 @@ struct Case {
 struct RunOptions {
   std::vector<std::string> scenes;      ///< empty: the default scenes
   std::vector<std::string> structures;  ///< specs; empty: DefaultContestants()
+  std::vector<std::string> sets;        ///< ray sets to capture, by label or kind; empty: all
+  std::vector<std::string> ray_files;   ///< .rays files or folders of them, replayed instead of captured sets
   std::vector<std::string> plugins;     ///< already loaded; recorded
   std::vector<uint32_t> threads;        ///< ascending; empty: queries 1, builds 1 and all
   bool quick = false, resume = false, report = true, shuffled = false, drop_bad = false;
   std::string out;  ///< empty: results/<UTC time>
+  /// `rays` 0 with `ray_files`: whole files.
   uint64_t rays = 0, verify_rays = 0, memory_limit = 0, seed = 1;
   uint32_t repetitions = 0, depth = 2;
   std::vector<std::string> benchmark_flags;  ///< "--benchmark_..." as given

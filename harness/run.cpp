@@ -15,7 +15,6 @@
 
 #include "datasets/fetch.h"
 #include "datasets/hash.h"
-#include "harness/aimed.h"
 #include "harness/check.h"
 #include "harness/interrupt.h"
 #include "harness/machine.h"
@@ -23,6 +22,7 @@
 #include "harness/oracle.h"
 #include "harness/progress.h"
 #include "harness/python.h"
+#include "harness/ray_sets.h"
 #include "harness/results.h"
 #include "harness/statistics.h"
 #include "harness/table.h"
@@ -42,8 +42,6 @@ constexpr double kLongPassSeconds = 0.25;
 constexpr double kBruteBudget = 0x1p25;
 /// The same for truth by brute force, over all sets of a scene.
 constexpr double kDoubleOracleBudget = 0x1p31;
-/// A captured set with fewer than 1/16 of the rays wanted is too small to time beside the others.
-constexpr uint64_t kSmallSet = 16;
 
 uint32_t AllThreads() { return uint32_t(std::max(1, tbb::info::default_concurrency())); }
 
@@ -55,8 +53,6 @@ std::string UtcTime(const char* format) {
   std::strftime(text, sizeof text, format, &utc);
   return text;
 }
-
-const char* QueryName(uint32_t kind) { return kind == RB_ANY ? "any" : "closest"; }
 
 struct PlannedCase {
   Case key;
@@ -86,7 +82,11 @@ class Run {
     started_ = UtcTime("%Y-%m-%dT%H:%M:%SZ");
     bool interrupted = false;
     try {
+      CheckSetNames(options_.sets);
+      ray_files_ = RayFiles(options_.ray_files);
+      for (const std::string& file : ray_files_) ReadRayFileHeader(file);  // before scenes that take long
       LoadScenes();
+      ReadRayFiles();
       const std::string out =
           options_.out.empty() ? "results/" + UtcTime("%Y-%m-%dT%H-%M-%SZ") : options_.out;
       results_.emplace(out, options_.resume);
@@ -172,9 +172,8 @@ class Run {
   const Scene& scene() const { return scenes_[scene_index_]; }
 
   void RunScene() {
-    Update(0, "capturing rays");
     const rb_geometry geometry = scene().Geometry();
-    std::vector<PreparedSet> sets = Capture(geometry);
+    std::vector<PreparedSet> sets = GetRaySets();
     std::vector<Entrant> entrants = Plan(sets);
     const bool all_done =
         std::all_of(entrants.begin(), entrants.end(), [&](const Entrant& e) { return AllDone(e); });
@@ -209,60 +208,37 @@ class Run {
     return build;
   }
 
-  std::vector<PreparedSet> Capture(const rb_geometry& geometry) {
-    const Contestant guide = ParseContestant(registry_, "bvh_sah");
-    rb_build_options build = BuildOptions(AllThreads());
-    build.memory_limit = 0;
-    const Tree tree(guide, geometry, build);
-    const uint64_t wanted = options_.RaysPerSet();
-    // Twice as many pixels as rays wanted: reflected and refracted rays cover only part of a picture.
-    uint32_t side = 256;
-    while (uint64_t{side} * side < 2 * wanted) side += 8;
-    TraceOptions trace;
-    trace.width = trace.height = side;
-    trace.max_depth = options_.depth;
-    trace.capture = true;
-    trace.progress = [&](double fraction) { Update(0.06 * fraction, "capturing rays"); };
-    TraceResult result = Trace(scene(), tree, trace);
-    ThrowIfInterrupted();
-    const std::string image = (results_->path() / "images" / stems_[scene_index_]).string();
-    for (const char* extension : {".png", ".exr"}) {
-      WriteImage(result.image, image + extension, SoftwareName());
-    }
+  /// Before anything is written: what is wrong with a file is said now.
+  void ReadRayFiles() {
+    if (options_.ray_files.empty()) return;
+    replayed_ = ReplayRayFiles(ray_files_, scenes_, options_.rays);
+    if (!options_.shuffled) return;
+    for (size_t i = 0; i < scenes_.size(); ++i)
+      AddShuffledTwins(replayed_[i], options_.seed, scenes_[i].bounds());
+  }
 
-    const Bounds3& bounds = scene().bounds();
-    std::map<std::string, uint64_t> largest;
-    for (const RaySet& set : result.ray_sets)
-      largest[set.kind] = std::max<uint64_t>(largest[set.kind], set.rays.size());
+  std::vector<PreparedSet> GetRaySets() {
+    std::vector<SourcedSet> sourced =
+        replayed_.empty() ? CaptureSets() : std::exchange(replayed_[scene_index_], {});
     std::vector<PreparedSet> sets;
-    const auto add = [&](const RaySet& set) {
-      PreparedSet prepared;
-      prepared.captured = set.rays.size();
-      prepared.set = Thin(set, wanted, bounds);
-      sets.push_back(std::move(prepared));
-    };
-    const RaySet* camera = nullptr;
-    for (const RaySet& set : result.ray_sets) {
-      if (set.kind == "camera") camera = &set;
-      if (set.rays.size() * kSmallSet < wanted && set.rays.size() < largest[set.kind]) {
-        Note(fmt::format("{} has only {} rays and is left out", set.Label(), set.rays.size()));
-        continue;
-      }
-      add(set);
-      if (options_.shuffled) add(Shuffle(sets.back().set, options_.seed, bounds));
-    }
-    add(RandomRays(scene(), wanted, options_.seed));
-    if (camera != nullptr) {
-      RaySet diffuse = DiffuseBounce(scene(), tree, *camera, wanted, options_.seed);
-      if (!diffuse.rays.empty()) {
-        add(diffuse);
-      } else {
-        Note("no camera ray hits anything, so there are no diffuse rays");
-      }
-    }
-    // Random rays hide leaks; these are aimed at edges and vertices.
-    if (!scene().triangles.empty()) add(AimedRays(scene(), wanted, options_.seed));
+    for (SourcedSet& s : sourced) sets.push_back({std::move(s), {}, {}, {}});
     return sets;
+  }
+
+  std::vector<SourcedSet> CaptureSets() {
+    CaptureOptions options;
+    options.rays = options_.RaysPerSet();
+    options.seed = options_.seed;
+    options.depth = options_.depth;
+    options.shuffled = options_.shuffled;
+    options.sets = options_.sets;
+    options.progress = [&](double fraction) { Update(0.06 * fraction, "capturing rays"); };
+    options.note = [&](const std::string& line) { Note(line); };
+    Capture capture = CaptureRaySets(registry_, scene(), options);
+    const std::string image = (results_->path() / "images" / stems_[scene_index_]).string();
+    for (const char* extension : {".png", ".exr"})
+      WriteImage(capture.image, image + extension, SoftwareName());
+    return std::move(capture.sets);
   }
 
   /// Asks the oracle about a seeded part of each set.
@@ -297,15 +273,9 @@ class Run {
 
   void RecordSets(const std::vector<PreparedSet>& sets) {
     for (const PreparedSet& s : sets) {
-      ray_set_facts_[scene_index_].push_back({{"ray_set", s.set.Label()},
-                                              {"order", s.set.order},
-                                              {"query", QueryName(s.set.query)},
-                                              {"rays", s.set.rays.size()},
-                                              {"captured_rays", s.captured},
-                                              {"invalid_rays", s.set.invalid_rays},
-                                              {"outside_rays", s.set.outside_rays},
-                                              {"verified", s.picks.size()},
-                                              {"hash", s.set.hash}});
+      Json facts = FactsOf(s);
+      facts["verified"] = s.picks.size();
+      ray_set_facts_[scene_index_].push_back(std::move(facts));
     }
   }
 
@@ -634,7 +604,7 @@ class Run {
                         {"scale_exponent", s.scale_exponent},
                         {"automatic_camera", s.automatic_camera},
                         {"automatic_lights", s.automatic_lights},
-                        {"image", "images/" + stems_[i] + ".png"},
+                        {"image", replayed_.empty() ? Json("images/" + stems_[i] + ".png") : Json()},
                         {"oracle", oracles_[i]},
                         {"ray_sets", ray_set_facts_[i]},
                         {"notes", scene_notes_[i]}});
@@ -657,7 +627,8 @@ class Run {
     run["command_line"] = options_.command_line;
     run["seed"] = options_.seed;
     run["quick"] = options_.quick;
-    run["rays_per_set"] = options_.RaysPerSet();
+    const bool whole_files = !options_.ray_files.empty() && options_.rays == 0;
+    run["rays_per_set"] = whole_files ? Json() : Json(options_.RaysPerSet());
     run["verified_per_set"] = options_.RaysVerified();
     run["depth"] = options_.depth;
     run["memory_limit"] = options_.memory_limit;
@@ -724,6 +695,8 @@ class Run {
   std::vector<Scene> scenes_;
   std::vector<std::string> names_, stems_;  // one per scene, as the four below
   std::vector<Json> scene_notes_, ray_set_facts_, oracles_;
+  std::vector<std::string> ray_files_;
+  std::vector<std::vector<SourcedSet>> replayed_;  // by scene; empty: captured
   size_t scene_index_ = 0;
   uint64_t plan_size_ = 0;
   std::unique_ptr<Oracle> oracle_;  // of the current scene

@@ -431,59 +431,6 @@ TEST(TracerEmptyScene, IsBackground) {
   for (const Vec3f& pixel : result.image.pixels) ASSERT_EQ(pixel, scene.background);
   ASSERT_EQ(result.ray_sets.size(), 1u);
   EXPECT_EQ(result.ray_sets[0].outside_rays, 81u);
-  EXPECT_TRUE(DiffuseBounce(scene, BuildTree(scene), result.ray_sets[0], 100, 1).rays.empty());
-}
-
-TEST(TracerDiffuseBounce, IsCosineDistributedOnTheSideTheRayCameFrom) {
-  for (bool up : {true, false}) {
-    Scene scene = DarkScene();
-    AddFloor(scene, {0, 0, 0}, 10, up);
-    scene.cameras = {{.eye = {1, 3, 0}, .at = {0, 0, 0}, .tan_half_fov = 0.3f}};
-    scene.Finish();
-    const Tree tree = BuildTree(scene);
-    const TraceResult traced = Trace(scene, tree, {.width = 64, .height = 64, .capture = true});
-    const size_t n = 100000;
-    const RaySet set = DiffuseBounce(scene, tree, *FindSet(traced, "camera"), n, 9);
-    ASSERT_EQ(set.rays.size(), n);
-    EXPECT_EQ(set.Label(), "diffuse");
-    EXPECT_EQ(set.depth, 1u);
-    EXPECT_EQ(set.query, uint32_t(RB_CLOSEST));
-    Vec3d mean{0, 0, 0}, square{0, 0, 0};
-    double quartic = 0;
-    for (const rb_ray& ray : set.rays) {
-      const Vec3d d = Dir(ray);
-      ASSERT_NEAR(Length(d), 1, 1e-6);
-      ASSERT_GE(d.y, -1e-6);
-      ASSERT_GT(ray.org[1], 0);
-      ASSERT_LT(ray.org[1], 1e-4);
-      mean = mean + d, square = square + d * d, quartic += d.y * d.y * d.y * d.y;
-    }
-    const double k = 1 / double(n);  // sigmas: 0.0007 .. 0.0016
-    EXPECT_NEAR(mean.x * k, 0, 0.008);
-    EXPECT_NEAR(mean.z * k, 0, 0.008);
-    EXPECT_NEAR(mean.y * k, 2.0 / 3, 0.005);
-    EXPECT_NEAR(square.x * k, 0.25, 0.005);
-    EXPECT_NEAR(square.z * k, 0.25, 0.005);
-    EXPECT_NEAR(square.y * k, 0.5, 0.005);
-    EXPECT_NEAR(quartic * k, 1.0 / 3, 0.006);
-  }
-}
-
-TEST(TracerDiffuseBounce, PicksHitsOnlyAndIsSeeded) {
-  const Scene scene = MixedScene(12);
-  const Tree tree = BuildTree(scene);
-  const TraceResult traced = Trace(scene, tree, {.width = 40, .height = 40, .capture = true});
-  const RaySet& camera = *FindSet(traced, "camera");
-  const RaySet a = DiffuseBounce(scene, tree, camera, 3000, 1),
-               b = DiffuseBounce(scene, tree, camera, 3000, 1),
-               c = DiffuseBounce(scene, tree, camera, 3000, 2);
-  EXPECT_EQ(a.hash, b.hash);
-  EXPECT_NE(a.hash, c.hash);
-  EXPECT_EQ(a.rays.size(), 3000u);
-  EXPECT_EQ(a.invalid_rays, 0u);
-  std::set<std::array<float, 3>> origins;
-  for (const rb_ray& ray : a.rays) origins.insert({ray.org[0], ray.org[1], ray.org[2]});
-  EXPECT_GT(origins.size(), 600u);  // spread over all hits
 }
 
 TEST(TracerQueryParallel, AnswersAsOneCallDoes) {

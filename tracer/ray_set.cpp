@@ -36,6 +36,7 @@ bool MissesBounds(const rb_ray& ray, const Bounds3& bounds) {
 }  // namespace
 
 std::string RaySet::Label() const {
+  if (!name.empty()) return name;
   const bool several = kind == "shadow" || kind == "reflection" || kind == "refraction";
   return several ? kind + "." + std::to_string(depth) : kind;
 }
@@ -65,8 +66,13 @@ void Freeze(RaySet& set, const Bounds3& bounds) {
 RaySet Thin(const RaySet& set, uint64_t limit, const Bounds3& bounds) {
   const uint64_t n = set.rays.size();
   if (limit == 0 || limit > n) limit = n;
-  RaySet thin{
-      .kind = set.kind, .depth = set.depth, .order = set.order, .query = set.query, .rays = {}, .hash = {}};
+  RaySet thin{.kind = set.kind,
+              .depth = set.depth,
+              .order = set.order,
+              .query = set.query,
+              .rays = {},
+              .hash = {},
+              .name = set.name};
   thin.rays.reserve(limit);
   // Run j of m is preceded by its share of the rays left out, half a share at either end, and starts at a
   // multiple of the run's length, so that whole tiles are kept.

@@ -12,16 +12,18 @@ namespace raybench {
 
 /// An immutable batch of rays of one kind and depth, in one order.
 struct RaySet {
-  std::string kind;             ///< camera, shadow, reflection, refraction, random, diffuse
+  std::string kind;             ///< camera, shadow, reflection, refraction, random, diffuse, ...
   uint32_t depth = 0;           ///< 0: camera rays and what starts at the camera; n: after n bounces
-  std::string order;            ///< "traced" (as the tracer made them, tiled) or "shuffled"
+  std::string order;            ///< "traced" (as the tracer made them, tiled), "shuffled" or "recorded"
   uint32_t query = RB_CLOSEST;  ///< RB_CLOSEST or RB_ANY; never mixed
   std::vector<rb_ray> rays;
   uint64_t invalid_rays = 0;  ///< NaN, zero direction: replaced by a defined miss
   uint64_t outside_rays = 0;  ///< rays that miss the scene's bounds
   std::string hash;           ///< 16 hex digits over kind, depth, order, query and all rays in order
+  std::string name = {};      ///< of a replayed set, from its file; empty: kind and depth name it
 
-  /// "camera", "shadow.0", "reflection.1", "random", ...: kind, with the depth where a kind has several.
+  /// `name`, else "camera", "shadow.0", "reflection.1", "random", ...: kind, with the depth where a kind has
+  /// several.
   std::string Label() const;
 };
 

@@ -20,7 +20,6 @@
 #include <stdexcept>
 #include <utility>
 
-#include "datasets/random.h"
 #include "tracer/surface.h"
 
 namespace raybench {
@@ -443,40 +442,6 @@ TraceResult Trace(const Scene& scene, const Tree& tree, const TraceOptions& opti
   if (options.band_rays == 0 || options.band_rays > 0x7FFFFFFFu)
     throw InputError("band_rays = " + std::to_string(options.band_rays) + ": must lie in [1, 2^31)");
   return Wavefront(scene, tree, options).Run();
-}
-
-RaySet DiffuseBounce(const Scene& scene, const Tree& tree, const RaySet& camera, uint64_t count,
-                     uint64_t seed) {
-  Workers workers(0);
-  std::vector<rb_hit> hits;
-  FindHits(workers, tree, camera.rays, hits);
-  std::vector<size_t> hit_rays;
-  for (size_t i = 0; i < hits.size(); ++i)
-    if (IsHit(scene, tree, hits[i])) hit_rays.push_back(i);
-
-  RaySet set;
-  set.kind = "diffuse", set.depth = 1, set.order = "traced", set.query = RB_CLOSEST;
-  set.rays.resize(hit_rays.empty() ? 0 : count);
-  workers.ForChunks(set.rays.size(), [&](size_t, size_t begin, size_t end) {
-    for (size_t i = begin; i < end; ++i) {
-      // One pick from each of `count` equal strata, so that origins come in the order of the camera rays, as
-      // they would in a wavefront path tracer.
-      Random random(seed, i);
-      const double stratum = (double(i) + random.NextDouble()) / double(count);
-      const size_t pick = hit_rays[std::min(hit_rays.size() - 1, size_t(stratum * double(hit_rays.size())))];
-      const rb_ray& ray = camera.rays[pick];
-      const SurfacePoint surface = SurfaceAt(scene, ray, hits[pick]);
-      const double side = Dot(surface.normal, ToDouble(LoadVec3(ray.dir))) > 0 ? -1 : 1;
-      // The normal plus a uniform unit vector is cosine-distributed: the unit sphere through the surface
-      // point, seen from there, has solid angle in proportion to the cosine.
-      Vec3d dir;
-      do dir = surface.normal * side + random.UnitVector();
-      while (Dot(dir, dir) < 1e-12);
-      set.rays[i] = MakeRay(surface.Origin(side), ToFloat(Normalize(dir)), kInfinity);
-    }
-  });
-  Freeze(set, scene.bounds());
-  return set;
 }
 
 void QueryParallel(const Tree& tree, const rb_query& query, uint32_t threads) {

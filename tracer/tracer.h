@@ -40,11 +40,6 @@ struct TraceResult {
 /// Renders the scene with its first camera.
 TraceResult Trace(const Scene& scene, const Tree& tree, const TraceOptions& options);
 
-/// Cosine-distributed rays from `count` seeded picks among the first hits of `camera` on `tree`; kind
-/// "diffuse", depth 1. Fewer than `count` only if nothing was hit (then empty).
-RaySet DiffuseBounce(const Scene& scene, const Tree& tree, const RaySet& camera, uint64_t count,
-                     uint64_t seed);
-
 /// Runs the query in chunks over at most `threads` oneTBB threads (0: all); results as from one call.
 void QueryParallel(const Tree& tree, const rb_query& query, uint32_t threads);
 
