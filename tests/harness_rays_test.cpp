@@ -26,9 +26,23 @@ class HarnessRays : public HarnessCommand {
     return Call(words);
   }
   Outcome Run(std::vector<std::string> scenes_and_rays, const std::string& out) {
-    std::vector<std::string> words = {
-        "run", "--quick",      "--depth",      "1",     "--seed", "3", "--no-report", "--threads",
-        "1",   "--structures", "bvh_sah,null", "--out", In(out)};
+    std::vector<std::string> words = {"run",
+                                      "--quick",
+                                      "--repetitions",
+                                      "1",
+                                      "--verify-rays",
+                                      "64",
+                                      "--depth",
+                                      "1",
+                                      "--seed",
+                                      "3",
+                                      "--no-report",
+                                      "--threads",
+                                      "1",
+                                      "--structures",
+                                      "bvh_sah,null",
+                                      "--out",
+                                      In(out)};
     words.insert(words.begin() + 1, scenes_and_rays.begin(), scenes_and_rays.end());
     return Call(words);
   }

@@ -177,6 +177,14 @@ def test_many_ray_sets_structures_and_scenes(tmp_path):
     assert shown.index("camera") < shown.index("shadow.0") < shown.index("shadow.3") < shown.index("refraction.0")
 
 
+def test_a_long_name_of_recorded_rays_leaves_room_for_the_plot(tmp_path):
+    sets = [("camera", "closest"), ("rays_of_my_engine_in_the_hall_frame_17", "any")]
+    run = write_run(tmp_path / "run", full_run(ray_sets=sets))
+    assert main([str(run)]) == 0
+    shown = svg_text(run / "plots" / "rays_per_second.svg")
+    assert "rays_of_my_…me_17 (any hit)" in shown and "in_the_hall" not in shown
+
+
 def test_each_further_thread_count_gets_a_plot_of_rates(tmp_path):
     noise = random.Random(1)
     rows = full_run() + [case("bvh_sah", "sphereflake(depth=5)", "camera", "closest", noise, threads=4)]

@@ -169,7 +169,7 @@ TEST_F(TracerRayFile, EveryTruncationAndEveryFlippedBitIsRefused) {
     EXPECT_THAT(Refusal(good.substr(0, size)), HasSubstr("a.rays: ")) << size;
   }
   EXPECT_THAT(Refusal(good + '\0'), HasSubstr("goes on after its rays: 100 rays take 3456 bytes"));
-  for (size_t bit = 0; bit < 8 * good.size(); bit += bit < 8 * 300 ? 1 : 101) {
+  for (size_t bit = 0; bit < 8 * good.size(); bit += bit < 8 * 300 ? 7 : 101) {
     std::string bytes = good;
     bytes[bit / 8] = char(bytes[bit / 8] ^ (1 << bit % 8));
     EXPECT_THAT(Refusal(bytes), HasSubstr("a.rays: ")) << "bit " << bit;

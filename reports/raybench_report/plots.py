@@ -196,7 +196,7 @@ def error_and_speed(run):
             worst = one.sort_values("errors").tail(1)
             for case in worst[worst["errors"] > 0].itertuples():
                 axis.annotate(
-                    case.rays_label,
+                    style.shorten(case.rays_label, 27),
                     (case.errors, case.median_ns),
                     xytext=(2, 3),
                     textcoords="offset points",
@@ -246,7 +246,7 @@ def _ray_set_panels(run, cases, label, notes):
             one = here[here["spec"] == spec]
             places = one["rays_label"].map(sets.index) + 0.72 * ((i + 0.5) / len(drawn) - 0.5)
             _points(axis, one["value"], one.get("low"), one.get("high"), places, *looks[spec])
-        _name_rows(axis, sets)
+        _name_rows(axis, [style.shorten(name, 27) for name in sets])
         _title(axis, here)
     style.scale(axes, counted[[c for c in ("value", "low", "high") if c in counted]])
     with_value = set(counted["spec"])

@@ -71,6 +71,11 @@ def wrap_spec(spec, width):
     return "\n".join(lines).replace("\t", "").replace("\0", " ")
 
 
+def shorten(name, width):
+    """A name from a user's file, cut in the middle where it is longer than `width`."""
+    return name if len(name) <= width else f"{name[: width - 16]}…{name[-15:]}"
+
+
 def panels(count):
     """Figure with so many panels; finish() gives it its size and lays it out."""
     figure = plt.figure()
