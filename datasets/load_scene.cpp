@@ -5,6 +5,7 @@
 #include "datasets/fetch.h"
 #include "datasets/generators/generators.h"
 #include "datasets/memory.h"
+#include "datasets/modifiers/modifiers.h"
 #include "datasets/readers.h"
 
 namespace raybench {
@@ -96,12 +97,62 @@ Scene Generate(const Generator& generator, const Spec& spec, const LoadOptions& 
   return scene;
 }
 
+/// "subdivide(SCENE,levels=2)" -> "SCENE" and "subdivide(levels=2)". The scene is what stands before the
+/// first comma outside parentheses.
+std::pair<std::string, std::string> SplitModified(const Modifier& modifier, const std::string& text) {
+  const std::string usage =
+      fmt::format("write {}(SCENE) or {}(SCENE,key=value,...)", modifier.name, modifier.name);
+  const size_t open = text.find('(');
+  if (open == text.npos || text.back() != ')')
+    throw InputError(fmt::format("'{}': {}", OneLine(text), usage));
+  const std::string inside = text.substr(open + 1, text.size() - open - 2);
+  size_t end = 0;
+  for (int depth = 0; end < inside.size() && (depth > 0 || inside[end] != ','); ++end)
+    depth += inside[end] == '(' ? 1 : inside[end] == ')' ? -1 : 0;
+  const size_t first = inside.find_first_not_of(' '), last = inside.substr(0, end).find_last_not_of(' ');
+  if (first >= end || last == inside.npos)
+    throw InputError(fmt::format("'{}': the scene is missing; {}", OneLine(text), usage));
+  const std::string rest = end < inside.size() ? inside.substr(end + 1) : "";
+  if (end < inside.size() && rest.find_first_not_of(' ') == rest.npos)
+    throw InputError(fmt::format("'{}': nothing follows the last comma", OneLine(text)));
+  return {inside.substr(first, last - first + 1), fmt::format("{}({})", modifier.name, rest)};
+}
+
+Scene Modify(const Modifier& modifier, const std::string& text, const LoadOptions& options) {
+  const auto [inner, own] = SplitModified(modifier, text);
+  const std::span<const rb_param> params(modifier.params, modifier.param_count);
+  const std::vector<std::byte> config =
+      Configure(modifier.name, params, modifier.config_size, ParseSpec(own).values);
+  // The scene below is the first half of the work, the modifier the second.
+  LoadOptions half = options;
+  if (options.progress) half.progress = [&](double fraction) { options.progress(fraction / 2); };
+  Scene scene = LoadScene(inner, half);
+  if (options.progress) half.progress = [&](double fraction) { options.progress(0.5 + fraction / 2); };
+  const std::string source = fmt::format("{}({}) of {}", modifier.name,
+                                         FormatAllParameters(params, config.data()), scene.provenance.source);
+  const std::string spec = FormatSpec("", params, config.data());  // "" or "(key=value,...)"
+  const std::string name = fmt::format("{}({}{}{})", modifier.name, scene.name, spec.empty() ? "" : ",",
+                                       spec.empty() ? "" : spec.substr(1, spec.size() - 2));
+  scene = modifier.apply(std::move(scene), config.data(), half);
+  scene.name = name;
+  scene.provenance.source = source;
+  return scene;
+}
+
 }  // namespace
 
 std::vector<const Generator*> Generators() {
   return {&kCityGenerator,    &kFibresGenerator,    &kIcosphereGenerator,   &kMengerGenerator,
           &kShellsGenerator,  &kSoupGenerator,      &kSphereflakeGenerator, &kStadiumGenerator,
           &kTerrainGenerator, &kTerrainBoxGenerator};
+}
+
+std::vector<const Modifier*> Modifiers() { return {&kSubdivideModifier}; }
+
+std::vector<std::string> SceneFileEndings() {
+  std::vector<std::string> endings;
+  for (const Format& format : kFormats) endings.push_back(format.extension);
+  return endings;
 }
 
 Scene LoadScene(const std::string& name, const LoadOptions& options) {
@@ -113,6 +164,8 @@ Scene LoadScene(const std::string& name, const LoadOptions& options) {
   std::string stem = name.substr(0, name.find('('));
   for (const Generator* generator : Generators())
     if (stem == generator->name) return told(Generate(*generator, ParseSpec(name), options));
+  for (const Modifier* modifier : Modifiers())
+    if (stem == modifier->name) return told(Modify(*modifier, name, options));
   for (const ManifestEntry& entry : Manifest())
     if (stem == entry.name) {
       if (stem != name) throw InputError(fmt::format("{}: a fetched model has no parameters", name));
@@ -131,14 +184,16 @@ Scene LoadScene(const std::string& name, const LoadOptions& options) {
     throw InputError(fmt::format("{}: is a directory; a file is needed ({})", name, Extensions()));
   if (std::filesystem::exists(path, ignored))
     throw InputError(fmt::format("{}: unknown format; allowed are files ending in {}", name, Extensions()));
-  std::string generators, models;
+  std::string generators, modifiers, models;
+  for (const Modifier* modifier : Modifiers())
+    modifiers += fmt::format("{}{}(SCENE)", modifiers.empty() ? "" : ", ", modifier->name);
   for (const Generator* generator : Generators())
     generators += fmt::format("{}{}", generators.empty() ? "" : ", ", generator->name);
   for (const ManifestEntry& entry : Manifest())
     models += fmt::format("{}{}", models.empty() ? "" : ", ", entry.name);
-  throw InputError(
-      fmt::format("unknown scene '{}'; allowed are generators ({}), models to fetch ({}) and files ({})",
-                  OneLine(name), generators, models, Extensions()));
+  throw InputError(fmt::format(
+      "unknown scene '{}'; allowed are generators ({}), modifiers ({}), models to fetch ({}) and files ({})",
+      OneLine(name), generators, modifiers, models, Extensions()));
 }
 
 }  // namespace raybench

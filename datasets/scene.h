@@ -143,9 +143,23 @@ struct Generator {
 };
 std::vector<const Generator*> Generators();
 
-/// Loads what a user named: a path to .obj/.off/.gltf/.glb, a generator ("sphereflake(depth=5)"), or a model
-/// of the manifest ("engine"; it must have been fetched). Throws InputError: missing, unknown format, broken,
-/// not fetched.
+/// Makes a scene from a scene, with described parameters: "subdivide(bunny,levels=2)".
+struct Modifier {
+  const char *name, *doc, *source;
+  const rb_param* params;
+  uint32_t param_count, config_size;
+  /// Takes a scene on which Finish() has run and returns one on which it has run again.
+  Scene (*apply)(Scene scene, const void* config, const LoadOptions& options);
+};
+std::vector<const Modifier*> Modifiers();
+
+/// Loads what a user named: a path to a file that ends in one of SceneFileEndings(), a generator
+/// ("sphereflake(depth=5)"), a model of the manifest ("engine"; it must have been fetched), or a modifier
+/// around any of these, also nested ("subdivide(bunny,levels=2)"). `Scene::name` is its canonical spelling.
+/// Throws InputError: missing, unknown format, broken, not fetched.
 Scene LoadScene(const std::string& name, const LoadOptions& options = {});
+
+/// ".obj", ".off", ...: what the readers take.
+std::vector<std::string> SceneFileEndings();
 
 }  // namespace raybench

