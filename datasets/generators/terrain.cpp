@@ -19,7 +19,7 @@ struct Config {
 };
 
 const rb_param kParams[] = {
-    {"size", "triangles, taken to the nearest 2 n^2: 99,904 at 100000", RB_INT, RB_PARAM_LOG,
+    {"size", "triangles, taken to the nearest 2 n^2: 100,352 at 100000", RB_INT, RB_PARAM_LOG,
      offsetof(Config, size), 0, 2, 1e9, 100000, nullptr},
     {"relief", "height of the highest mountains over half the side of the land", RB_FLOAT, RB_PARAM_LOG,
      offsetof(Config, relief), 0, 0.001, 2, 0.35, nullptr},
