@@ -1,9 +1,10 @@
-// raybench render: one picture.
+// raybench render: one picture, or heat maps of what traversal costs per pixel.
 #include <fmt/format.h>
 #include <tbb/info.h>
 
 #include <algorithm>
 #include <filesystem>
+#include <optional>
 
 #include "datasets/scene.h"
 #include "harness/commands.h"
@@ -11,6 +12,7 @@
 #include "harness/machine.h"
 #include "harness/measure.h"
 #include "harness/progress.h"
+#include "harness/render_heat.h"
 #include "tracer/image_io.h"
 #include "tracer/tracer.h"
 
@@ -23,6 +25,8 @@ struct RenderOptions {
   uint32_t width = 512, height = 512, depth = 4, threads = 0;
   uint64_t seed = 1;
   bool drop_bad = false;
+  std::optional<std::string> heat, heat_structures;
+  std::string heat_scale = "auto";
 };
 
 /// "640x480", each side 1 to 16384.
@@ -36,18 +40,43 @@ void ParseSize(const std::string& text, RenderOptions& options) {
   options.width = width, options.height = height;
 }
 
+/// Before any work: that the file can be written at all.
+void CheckOut(const std::string& out) {
+  const fs::path path(out), folder = path.has_parent_path() ? path.parent_path() : fs::path(".");
+  const std::string extension = path.extension().string();
+  if (extension != ".png" && extension != ".exr")
+    throw InputError(fmt::format("{}: unknown picture format '{}'; allowed: .png, .exr", out, extension));
+  std::error_code error;
+  if (!fs::is_directory(folder, error))
+    throw InputError(fmt::format("{}: cannot be written: {} is not a directory", out, folder.string()));
+}
+
+RenderHeatOptions HeatOptionsOf(const Registry& registry, const RenderOptions& options) {
+  RenderHeatOptions heat;
+  heat.scene_name = options.scene;
+  heat.out = options.out;
+  heat.kind = *options.heat;
+  heat.scale = options.heat_scale;
+  heat.contestants = HeatContestants(
+      registry, options.heat_structures ? SplitSpecs(*options.heat_structures) : std::vector<std::string>());
+  heat.width = options.width, heat.height = options.height;
+  heat.depth = options.depth;
+  heat.threads = options.threads;
+  heat.seed = options.seed;
+  return heat;
+}
+
 int RenderCommand(const Registry& registry, const RenderOptions& options) {
-  const std::string extension = fs::path(options.out).extension().string();
-  if (extension != ".png" && extension != ".exr") {
-    throw InputError(
-        fmt::format("{}: unknown picture format '{}'; allowed: .png, .exr", options.out, extension));
-  }
+  CheckOut(options.out);
   const Contestant contestant = ParseContestant(registry, options.structure);
+  std::optional<RenderHeatOptions> heat;
+  if (options.heat) heat = HeatOptionsOf(registry, options);
   LoadOptions load;
   load.seed = options.seed;
   load.drop_bad = options.drop_bad;
   const Scene scene = LoadScene(options.scene, load);
   ThrowIfInterrupted();
+  if (heat) return RenderHeat(registry, scene, *heat);
   if (!scene.spheres.empty() && (contestant.structure->capabilities & RB_CAN_PROCEDURAL) == 0) {
     throw InputError(
         fmt::format("structure '{}' takes triangles only, but scene '{}' has procedural primitives",
@@ -67,7 +96,7 @@ int RenderCommand(const Registry& registry, const RenderOptions& options) {
   trace.width = options.width, trace.height = options.height;
   trace.max_depth = options.depth;
   trace.threads = options.threads;
-  trace.progress = [&](double fraction) { progress.Update(fraction, "rendering"); };
+  trace.progress = [&](double fraction) { ThrowIfInterrupted(), progress.Update(fraction, "rendering"); };
   const Stopwatch trace_watch(true);
   const TraceResult result = Trace(scene, tree, trace);
   const double trace_seconds = trace_watch.Elapsed().wall;
@@ -85,11 +114,12 @@ int RenderCommand(const Registry& registry, const RenderOptions& options) {
 
 void AddRenderCommand(CLI::App& app, Invocation& invocation) {
   AddCommand<RenderOptions>(
-      app, invocation, "render", "Render one picture",
+      app, invocation, "render", "Render one picture, or what traversal costs per pixel",
       [](CLI::App& command, RenderOptions& render) {
         command.add_option("scene", render.scene, "What to render")->required()->type_name("SCENE");
-        command.add_option("--structure", render.structure, "What answers the rays; default bvh_sah")
-            ->type_name("A(X=1)");
+        CLI::Option* structure =
+            command.add_option("--structure", render.structure, "What answers the rays; default bvh_sah")
+                ->type_name("A(X=1)");
         command.add_option("-o,--out", render.out, "Picture to write, .png or .exr")
             ->required()
             ->type_name("FILE");
@@ -103,6 +133,31 @@ void AddRenderCommand(CLI::App& app, Invocation& invocation) {
         command.add_option("--seed", render.seed, "Seed of generators; default 1")->type_name("N");
         command.add_flag("--drop-bad", render.drop_bad,
                          "Leave out bad triangles instead of refusing the file");
+        CLI::Option* heat =
+            command
+                .add_option(
+                    "--heat", render.heat,
+                    "Colour each pixel by what its camera ray costs: traversal steps, primitive tests "
+                    "or both, on one scale for all structures. A .png is a sheet with legends; an .exr "
+                    "holds the picture and the raw counts as channels STRUCTURE.steps and "
+                    "STRUCTURE.prims")
+                ->check(CLI::IsMember({"steps", "prims", "both"}))
+                ->excludes(structure)
+                ->type_name("KIND");
+        command
+            .add_option("--structures", render.heat_structures,
+                        "What --heat compares; default: all that count, but for null and brute")
+            ->needs(heat)
+            ->type_name("A,B(X=1)");
+        command
+            .add_option(
+                "--heat-scale", render.heat_scale,
+                "Colours of the sheet: linear, log or auto (log where costs differ much); default auto")
+            ->check(CLI::IsMember({"linear", "log", "auto"}))
+            ->needs(heat)
+            ->type_name("SCALE");
+        command.footer(
+            "raybench render engine --heat both --structures \"bvh_sah,bvh_sah(numerics=fast)\" -o heat.png");
       },
       [](RenderOptions& options, const Registry& registry) {
         if (!options.size.empty()) ParseSize(options.size, options);

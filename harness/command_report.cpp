@@ -18,7 +18,7 @@ void AddReportCommand(CLI::App& app, Invocation& invocation) {
         std::error_code error;
         if (!std::filesystem::exists(std::filesystem::path(folder) / "cases.csv", error))
           throw InputError(fmt::format("{}: no result folder (it holds no cases.csv)", folder));
-        return RunReports({folder});
+        return Reports().Run({folder});
       });
 }
 

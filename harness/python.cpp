@@ -89,21 +89,22 @@ bool PythonWorks(const std::string& python, const fs::path& reports) {
 
 }  // namespace
 
-int RunReports(const std::vector<std::string>& arguments) {
-  const fs::path reports = ReportsFolder();
-  if (reports.empty())
+Reports::Reports() : folder_(ReportsFolder().string()), python_(PythonProgram()) {
+  if (folder_.empty())
     throw InputError("the Python part raybench_report is not installed beside this program");
-  const std::string python = PythonProgram();
-  if (!PythonWorks(python, reports)) throw InputError(MissingPython(python));
-  std::vector<std::string> words = {python, "-m", "raybench_report"};
+  if (!PythonWorks(python_, folder_)) throw InputError(MissingPython(python_));
+}
+
+int Reports::Run(const std::vector<std::string>& arguments) const {
+  std::vector<std::string> words = {python_, "-m", "raybench_report"};
   words.insert(words.end(), arguments.begin(), arguments.end());
   std::fflush(stdout);
-  return RunProgram(std::move(words), PythonPath(reports), false).value_or(2);
+  return RunProgram(std::move(words), PythonPath(folder_), false).value_or(2);
 }
 
 void DrawReportIfPossible(const std::string& folder) {
   try {
-    if (RunReports({folder}) != 0)
+    if (Reports().Run({folder}) != 0)
       fmt::print("plots   the report failed; again with: raybench report {}\n", folder);
   } catch (const InputError& error) {
     fmt::print("plots   not drawn: {}; then: raybench report {}\n", error.what(), folder);

@@ -6,9 +6,16 @@
 
 namespace raybench {
 
-/// Runs `python -m raybench_report ARGUMENTS...` and returns its exit code. Throws InputError if that package
-/// is not to be found or there is no Python that can run it.
-int RunReports(const std::vector<std::string>& arguments);
+class Reports {
+ public:
+  /// Looks for the package and for a Python that can run it. Throws InputError if either is missing.
+  Reports();
+  /// Runs `python -m raybench_report ARGUMENTS...` and returns its exit code.
+  int Run(const std::vector<std::string>& arguments) const;
+
+ private:
+  std::string folder_, python_;
+};
 
 /// Draws the plots after a run; where that cannot work, one line says how to get them.
 void DrawReportIfPossible(const std::string& folder);

@@ -1,3 +1,4 @@
+#include <OpenImageIO/imageio.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -48,6 +49,36 @@ class TracerImageIo : public ::testing::Test {
 
   fs::path directory_;
 };
+
+TEST_F(TracerImageIo, ExrHoldsNamedLayersBesideThePicture) {
+  const Image image = Noise(33, 17);
+  Channel steps{"bvh_sah(numerics=fast,cost=1.5).steps", {}}, prims{"a.prims", {}};
+  Random random(2);
+  for (size_t i = 0; i < image.pixels.size(); ++i) {
+    steps.values.push_back(float(random.Below(1 << 24)));
+    prims.values.push_back(float(i));
+  }
+  WriteLayers(image, {steps, prims}, Path("a.exr"), "raybench test");
+  EXPECT_EQ(ReadImage(Path("a.exr")).pixels, image.pixels);
+  const auto input = OIIO::ImageInput::open(Path("a.exr"));
+  ASSERT_TRUE(input);
+  ASSERT_EQ(input->spec().nchannels, 5);
+  EXPECT_EQ(input->spec().format, OIIO::TypeDesc::FLOAT);
+  for (const Channel& channel : {steps, prims}) {
+    const int index = input->spec().channelindex(channel.name);
+    ASSERT_GE(index, 3) << channel.name;
+    std::vector<float> read(channel.values.size());
+    ASSERT_TRUE(input->read_image(0, 0, index, index + 1, OIIO::TypeDesc::FLOAT, read.data()));
+    EXPECT_EQ(read, channel.values) << channel.name;
+  }
+  EXPECT_EQ(FileCount(), 1u);
+
+  EXPECT_THAT(ErrorOf([&] { WriteLayers(image, {steps}, Path("b.png"), "t"); }),
+              HasSubstr("b.png: only .exr"));
+  steps.values.pop_back();
+  EXPECT_THAT(ErrorOf([&] { WriteLayers(image, {steps}, Path("b.exr"), "t"); }), HasSubstr("not as large"));
+  EXPECT_EQ(FileCount(), 1u);
+}
 
 TEST_F(TracerImageIo, ExrKeepsEveryFloat) {
   Image image = Noise(33, 17);

@@ -54,9 +54,9 @@ struct TemporaryFile {
   }
 };
 
-}  // namespace
-
-void WriteImage(const Image& image, const std::string& path, const std::string& software) {
+/// What WriteImage() and WriteLayers() do. `layers` needs .exr.
+void Write(const Image& image, const std::vector<Channel>& layers, const std::string& path,
+           const std::string& software) {
   const std::string format = FormatOf(path);
   if (image.width == 0 || image.height == 0 || image.pixels.size() != size_t{image.width} * image.height)
     throw InputError(path + ": a picture to be written needs width x height pixels, at least one");
@@ -72,8 +72,9 @@ void WriteImage(const Image& image, const std::string& path, const std::string& 
   if (!output) throw InputError(path + ": cannot be written: " + FirstLine(OIIO::geterror()));
 
   const bool png = format == ".png";
-  OIIO::ImageSpec spec(int(image.width), int(image.height), 3,
+  OIIO::ImageSpec spec(int(image.width), int(image.height), int(3 + layers.size()),
                        png ? OIIO::TypeDesc::UINT8 : OIIO::TypeDesc::FLOAT);
+  for (size_t i = 0; i < layers.size(); ++i) spec.channelnames[3 + i] = layers[i].name;
   spec.attribute("Software", software);
   spec.attribute("oiio:ColorSpace", png ? "sRGB" : "Linear");
   bool good = output->open(temporary.path.string(), spec);
@@ -83,13 +84,36 @@ void WriteImage(const Image& image, const std::string& path, const std::string& 
     for (const Vec3f& p : image.pixels) bytes.insert(bytes.end(), {ToSrgb(p.x), ToSrgb(p.y), ToSrgb(p.z)});
     good = output->write_image(OIIO::TypeDesc::UINT8, bytes.data());
   } else if (good) {
-    static_assert(sizeof(Vec3f) == 3 * sizeof(float));
-    good = output->write_image(OIIO::TypeDesc::FLOAT, image.pixels.data());
+    std::vector<float> row(size_t(spec.nchannels) * image.width);
+    for (uint32_t y = 0; good && y < image.height; ++y) {
+      float* to = row.data();
+      for (size_t p = size_t{y} * image.width, end = p + image.width; p < end; ++p) {
+        const Vec3f& rgb = image.pixels[p];
+        *to++ = rgb.x, *to++ = rgb.y, *to++ = rgb.z;
+        for (const Channel& layer : layers) *to++ = layer.values[p];
+      }
+      good = output->write_scanline(int(y), 0, OIIO::TypeDesc::FLOAT, row.data());
+    }
   }
   good = good && output->close();
   if (!good) throw InputError(path + ": cannot be written: " + FirstLine(output->geterror()));
   fs::rename(temporary.path, target, error);
   if (error) throw InputError(path + ": cannot be written: " + error.message());
+}
+
+}  // namespace
+
+void WriteImage(const Image& image, const std::string& path, const std::string& software) {
+  Write(image, {}, path, software);
+}
+
+void WriteLayers(const Image& image, const std::vector<Channel>& channels, const std::string& path,
+                 const std::string& software) {
+  if (FormatOf(path) != ".exr") throw InputError(path + ": only .exr holds more than red, green and blue");
+  for (const Channel& channel : channels)
+    if (channel.values.size() != image.pixels.size())
+      throw InputError(path + ": channel " + channel.name + " is not as large as the picture");
+  Write(image, channels, path, software);
 }
 
 Image ReadImage(const std::string& path) {

@@ -106,10 +106,10 @@ rb_ray MakeRay(Vec3f org, Vec3f dir, float tfar) {
   return IsValidRay(ray) ? ray : InvalidRayStandIn();
 }
 
-/// Camera rays by slot: position in the order of tiles.
-class CameraRays {
+/// Camera rays by pixel, and pixels by slot: position in the order of tiles.
+class PictureRays {
  public:
-  CameraRays(const Scene& scene, uint32_t width, uint32_t height) : width_(width), height_(height) {
+  PictureRays(const Scene& scene, uint32_t width, uint32_t height) : width_(width), height_(height) {
     const Camera& camera = scene.cameras.front();
     const Vec3d forward = ToDouble(camera.at) - ToDouble(camera.eye),
                 right = Cross(forward, ToDouble(camera.up));
@@ -420,7 +420,7 @@ class Wavefront {
   const Scene& scene_;
   const Tree& tree_;
   const TraceOptions& options_;
-  const CameraRays camera_;
+  const PictureRays camera_;
   Workers workers_;
   TraceResult result_;
 
@@ -433,15 +433,30 @@ class Wavefront {
   std::vector<uint8_t> occluded_;
 };
 
+void CheckPictureSize(uint32_t width, uint32_t height) {
+  if (width == 0 || height == 0 || uint64_t{width} * height > 0xFFFFFFFFu)
+    throw InputError("picture of " + std::to_string(width) + " x " + std::to_string(height) +
+                     " pixels: width and height must be at least 1, their product below 2^32");
+}
+
 }  // namespace
 
 TraceResult Trace(const Scene& scene, const Tree& tree, const TraceOptions& options) {
-  if (options.width == 0 || options.height == 0 || uint64_t{options.width} * options.height > 0xFFFFFFFFu)
-    throw InputError("picture of " + std::to_string(options.width) + " x " + std::to_string(options.height) +
-                     " pixels: width and height must be at least 1, their product below 2^32");
+  CheckPictureSize(options.width, options.height);
   if (options.band_rays == 0 || options.band_rays > 0x7FFFFFFFu)
     throw InputError("band_rays = " + std::to_string(options.band_rays) + ": must lie in [1, 2^31)");
   return Wavefront(scene, tree, options).Run();
+}
+
+void PixelRays(const Scene& scene, uint32_t width, uint32_t height, uint64_t first, std::span<rb_ray> rays,
+               uint32_t threads) {
+  CheckPictureSize(width, height);
+  if (first + rays.size() > uint64_t{width} * height)
+    throw std::out_of_range("camera rays beyond the last pixel");
+  const PictureRays camera(scene, width, height);
+  Workers(threads).ForChunks(rays.size(), [&](size_t, size_t begin, size_t end) {
+    for (size_t i = begin; i < end; ++i) rays[i] = camera.Ray(uint32_t(first + i));
+  });
 }
 
 void QueryParallel(const Tree& tree, const rb_query& query, uint32_t threads) {

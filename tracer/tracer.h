@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -39,6 +40,11 @@ struct TraceResult {
 
 /// Renders the scene with its first camera.
 TraceResult Trace(const Scene& scene, const Tree& tree, const TraceOptions& options);
+
+/// The camera rays of the pixels from `first` on, row by row from the top: the very rays of the same picture
+/// by Trace(), which walks them in tiles. Invalid ones are InvalidRayStandIn(). `threads` as in TraceOptions.
+void PixelRays(const Scene& scene, uint32_t width, uint32_t height, uint64_t first, std::span<rb_ray> rays,
+               uint32_t threads);
 
 /// Runs the query in chunks over at most `threads` oneTBB threads (0: all); results as from one call.
 void QueryParallel(const Tree& tree, const rb_query& query, uint32_t threads);

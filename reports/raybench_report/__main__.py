@@ -1,32 +1,54 @@
-"""Command line: python -m raybench_report DIR."""
+"""Command line: python -m raybench_report DIR, or heat FOLDER --out FILE.png."""
 
 import argparse
 import sys
 from pathlib import Path
 
-from . import page, plots, results
+from . import heat, page, plots, results
 
 
 def main(argv=None):
-    """Draws DIR/plots and DIR/report.html. Returns 0, or 2 after one line on stderr when DIR is unfit."""
-    parser = argparse.ArgumentParser(
-        prog="raybench_report",
-        description="Draws the plots (PNG and SVG) and report.html of a run from its CSV and JSON files.",
-    )
-    parser.add_argument("directory", metavar="DIR", type=Path, help="what `raybench run --out DIR` wrote")
+    """Does what the arguments say. Returns 0, or 2 after one line on stderr when the input is unfit."""
+    argv = sys.argv[1:] if argv is None else argv
+    draw = _heat if argv[:1] == ["heat"] and len(argv) > 1 else _report
     try:
-        arguments = parser.parse_args(argv)
-    except SystemExit as error:
+        print(draw(argv), end="")
+    except SystemExit as error:  # by argparse
         return error.code
-    try:
-        run = results.read(arguments.directory)
-        drawn = plots.draw_all(run)
-        written = page.write(run, drawn)
     except (results.RunError, OSError) as error:
         print(f"raybench_report: {error}", file=sys.stderr)
         return 2
-    print(f"{len(drawn)} plots as PNG and SVG in {arguments.directory / 'plots'}; {written}")
     return 0
+
+
+def _report(argv):
+    """Draws DIR/plots and DIR/report.html."""
+    parser = argparse.ArgumentParser(
+        prog="raybench_report",
+        description="Draws the plots (PNG and SVG) and report.html of a run from its CSV and JSON files.",
+        epilog="raybench_report heat --help: a sheet of heat maps.",
+    )
+    parser.add_argument("directory", metavar="DIR", type=Path, help="what `raybench run --out DIR` wrote")
+    directory = parser.parse_args(argv).directory
+    run = results.read(directory)
+    drawn = plots.draw_all(run)
+    written = page.write(run, drawn, heat.draw_all(run))
+    return f"{len(drawn)} plots as PNG and SVG in {directory / 'plots'}; {written}\n"
+
+
+def _heat(argv):
+    """Draws a sheet of heat maps."""
+    parser = argparse.ArgumentParser(
+        prog="raybench_report heat", description="Draws the heat maps of one scene as a sheet with legends."
+    )
+    parser.add_argument("folder", metavar="FOLDER", type=Path, help="holds heat.json and the maps")
+    parser.add_argument("--out", metavar="FILE.png", type=Path, required=True)
+    parser.add_argument("--kind", choices=[*heat.KINDS, "both"], default="both")
+    parser.add_argument("--scale", choices=["linear", "log", "auto"], default="auto")
+    arguments = parser.parse_args(argv[1:])
+    kinds = tuple(heat.KINDS) if arguments.kind == "both" else (arguments.kind,)
+    heat.write(heat.read(arguments.folder), arguments.out, kinds, arguments.scale)
+    return ""
 
 
 if __name__ == "__main__":

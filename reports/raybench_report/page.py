@@ -12,6 +12,7 @@ body { font: 15px/1.45 sans-serif; max-width: 75em; margin: 2em auto; padding: 0
 h1, h2 { font-weight: 600 } h2 { margin-top: 2em }
 figure { display: inline-block; vertical-align: top; margin: 0 1.5em 1.5em 0 } figcaption { font-size: 90% }
 .pictures img { max-width: 24em } .plots img { width: 32em; max-width: 100% }
+.sheets img { max-width: 100% }
 .scroll { overflow-x: auto }
 table { border-collapse: collapse; font-size: 85%; font-variant-numeric: tabular-nums }
 th, td { padding: .15em .6em; text-align: left; vertical-align: top } th { border-bottom: 1px solid #222 }
@@ -20,8 +21,8 @@ td.none { color: #777 } tr.refused { color: #b00020 }
 """
 
 
-def write(run, drawn):
-    """Writes DIR/report.html over `drawn`, the plots' (name, title). Returns its path."""
+def write(run, drawn, sheets=()):
+    """Writes DIR/report.html over `drawn`, the plots' (name, title), and `sheets` of heat maps. Returns its path."""
     pictures = sorted(path.name for path in (run.directory / "images").glob("*.png"))
     parts = [
         "<!DOCTYPE html>",
@@ -39,6 +40,10 @@ def write(run, drawn):
     parts.append('<h2>Plots</h2><div class="plots">')
     parts += [_figure(f"plots/{name}.svg", f"plots/{name}.png", title) for name, title in drawn]
     parts.append("</div>")
+    if sheets:
+        parts.append('<h2>Heat maps</h2><div class="sheets">')
+        parts += [_figure(f"plots/{name}.png", f"plots/{name}.png", title) for name, title in sheets]
+        parts.append("</div>")
     parts += ["<h2>Builds</h2>", _table(run.builds, _BUILD_COLUMNS)]
     parts += ["<h2>Queries</h2>", _table(run.queries, _QUERY_COLUMNS)]
     parts += [
