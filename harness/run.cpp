@@ -16,6 +16,7 @@
 #include "datasets/fetch.h"
 #include "datasets/hash.h"
 #include "harness/check.h"
+#include "harness/heat_files.h"
 #include "harness/interrupt.h"
 #include "harness/machine.h"
 #include "harness/measure.h"
@@ -42,6 +43,9 @@ constexpr double kLongPassSeconds = 0.25;
 constexpr double kBruteBudget = 0x1p25;
 /// The same for truth by brute force, over all sets of a scene.
 constexpr double kDoubleOracleBudget = 0x1p31;
+
+/// Pixels across the heat maps of the report.
+constexpr uint32_t kHeatSide = 256;
 
 uint32_t AllThreads() { return uint32_t(std::max(1, tbb::info::default_concurrency())); }
 
@@ -402,9 +406,26 @@ class Run {
                                               entrant.set_values[i], answers, counted);
       if (!broken.empty() && flaw.empty()) flaw = fmt::format("{}: {}", sets[i].set.Label(), broken);
     }
-    if (flaw.empty()) return;
+    if (flaw.empty()) return CountPixels(entrant);
     Note(fmt::format("REFUSED: {} - {}", entrant.contestant->Spec(), flaw));
     Close(entrant, "refused", flaw);
+  }
+
+  /// What the report's heat maps show. `null` costs no ray anything; where rays are replayed, nobody knows
+  /// what camera to look through.
+  void CountPixels(const Entrant& entrant) const {
+    const rb_structure& structure = *entrant.contestant->structure;
+    if (!replayed_.empty() || std::string_view(structure.name) == "null") return;
+    const std::string spec = entrant.contestant->Spec(), &stem = stems_[scene_index_];
+    HeatFiles files(results_->path() / "heat" / stem, names_[scene_index_], "../../images/" + stem + ".png");
+    if (files.Has(spec)) return;
+    const bool slow = std::any_of(entrant.cases.begin(), entrant.cases.end(),
+                                  [](const PlannedCase& c) { return !c.skip.empty(); });
+    const std::string why = slow ? "is too slow for full ray sets" : WhyNotCounted(structure, scene());
+    if (!why.empty()) return files.AddNotCounted(spec, why);
+    HeatOptions heat;
+    heat.width = heat.height = kHeatSide;
+    files.Add(spec, CountPerPixel(scene(), entrant.tree, heat));
   }
 
   void BuildAll(Entrant& entrant, const rb_geometry& geometry) {

@@ -205,6 +205,10 @@ TEST_F(HarnessCommand, TinyRunLeavesEveryFileWithEveryColumn) {
   EXPECT_NE(outcome.out.find("watertight ok"), std::string::npos) << outcome.out;
   EXPECT_TRUE(fs::exists(out / "images" / "icosphere_level_1.png"));
   EXPECT_TRUE(fs::exists(out / "images" / "icosphere_level_1.exr"));
+  const auto heat = nlohmann::json::parse(Read(out / "heat" / "icosphere_level_1" / "heat.json"));
+  ASSERT_EQ(heat.at("maps").size(), 2u) << "all but null";
+  EXPECT_EQ(heat.at("maps").at(1).at("spec"), "bvh_sah");
+  EXPECT_TRUE(fs::exists(out / "heat" / "icosphere_level_1" / heat.at("maps").at(1).at("steps")));
 
   const auto rows = ReadCsv(out / "cases.csv");
   ASSERT_FALSE(rows.empty());

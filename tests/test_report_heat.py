@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from raybench_report import heat
 from raybench_report.__main__ import main
+from test_report_plots import full_run, write_run
 
 SPECS = ["bvh_sah", "bvh_sah(numerics=fast)", "grid(resolution_x=35,insertion=bounds)", "kdtree", "octree", "lbvh", "x"]
 
@@ -128,6 +129,16 @@ def test_the_scale_is_logarithmic_where_one_structure_costs_far_more_or_on_deman
     assert isinstance(heat.norm([cheap], "log")[0], heat.colors.FuncNorm)
     assert not isinstance(heat.norm([cheap, dear], "linear")[0], heat.colors.FuncNorm)
     assert heat.norm([cheap * 0])[0].vmax == 1
+
+
+def test_the_report_shows_the_heat_maps_of_a_run(tmp_path):
+    run = write_run(tmp_path / "run", full_run())
+    make_folder(run / "heat" / "sponza")
+    make_folder(run / "heat" / "silent", specs=())
+    assert main([str(run)]) == 0
+    assert (run / "plots" / "heat_sponza.png").is_file() and not (run / "plots" / "heat_silent.png").exists()
+    page = (run / "report.html").read_text()
+    assert "Heat maps" in page and page.count('src="plots/heat_') == 1 and 'src="plots/heat_sponza.png"' in page
 
 
 def spoil_missing_folder(folder):
