@@ -23,7 +23,7 @@ KINDS = {
     "prims": ("primitive tests\nper ray", "Primitive tests: ray–primitive tests, repeats included.", "tests"),
 }
 CLIP = 99.9  # percentile of all counts at which the colours end, so that a few rays do not darken all others
-APART = 20  # log colours where most structures stay below 1/APART of the range
+APART = 5  # log colours where most structures stay below 1/APART of the range
 
 DPI = 144
 COLOURS = "inferno"  # perceptually uniform, from black to light yellow
