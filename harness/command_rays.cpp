@@ -7,6 +7,7 @@
 #include "harness/commands.h"
 #include "harness/interrupt.h"
 #include "harness/machine.h"
+#include "harness/load.h"
 #include "harness/progress.h"
 #include "harness/ray_sets.h"
 
@@ -24,22 +25,20 @@ struct RecordOptions {
 
 int RecordCommand(const Registry& registry, const RecordOptions& options) {
   CheckSetNames(options.sets);
-  Progress progress;
   LoadOptions load;
   load.seed = options.seed;
   load.drop_bad = options.drop_bad;
-  load.progress = [&](double fraction) { progress.Update(0.2 * fraction, "loading the scene"); };
-  const Scene scene = LoadScene(options.scene, load);
-  ThrowIfInterrupted();
+  const Scene scene = LoadWithProgress(options.scene, load);
   if (scene.primitive_count() == 0)
     throw InputError(fmt::format("scene '{}' has no primitives", options.scene));
+  Progress progress;
   CaptureOptions capture;
   capture.rays = options.rays;
   capture.seed = options.seed;
   capture.depth = options.depth;
   capture.shuffled = options.shuffled;
   capture.sets = options.sets;
-  capture.progress = [&](double fraction) { progress.Update(0.2 + 0.6 * fraction, "capturing rays"); };
+  capture.progress = [&](double fraction) { progress.Update(0.8 * fraction, "capturing rays"); };
   capture.note = [&](const std::string& line) { progress.Say(line); };
   const std::vector<SourcedSet> sets = CaptureRaySets(registry, scene, capture).sets;
 

@@ -9,6 +9,7 @@
 #include "datasets/scene.h"
 #include "harness/commands.h"
 #include "harness/interrupt.h"
+#include "harness/load.h"
 #include "harness/machine.h"
 #include "harness/measure.h"
 #include "harness/progress.h"
@@ -74,8 +75,7 @@ int RenderCommand(const Registry& registry, const RenderOptions& options) {
   LoadOptions load;
   load.seed = options.seed;
   load.drop_bad = options.drop_bad;
-  const Scene scene = LoadScene(options.scene, load);
-  ThrowIfInterrupted();
+  const Scene scene = LoadWithProgress(options.scene, load);
   if (heat) return RenderHeat(registry, scene, *heat);
   if (!scene.spheres.empty() && (contestant.structure->capabilities & RB_CAN_PROCEDURAL) == 0) {
     throw InputError(

@@ -18,6 +18,7 @@
 #include "harness/check.h"
 #include "harness/heat_files.h"
 #include "harness/interrupt.h"
+#include "harness/load.h"
 #include "harness/machine.h"
 #include "harness/measure.h"
 #include "harness/oracle.h"
@@ -123,8 +124,7 @@ class Run {
       LoadOptions load;
       load.seed = options_.seed;
       load.drop_bad = options_.drop_bad;
-      scenes_.push_back(LoadScene(name, load));
-      ThrowIfInterrupted();
+      scenes_.push_back(LoadWithProgress(name, load));
       const Scene& scene = scenes_.back();
       if (scene.primitive_count() == 0) throw InputError(fmt::format("scene '{}' has no primitives", name));
       std::string stem = FileStem(name);
