@@ -6,6 +6,7 @@
 #include <string>
 
 #include "datasets/scene.h"
+#include "datasets/text.h"
 
 namespace raybench {
 
@@ -15,11 +16,5 @@ Scene ReadObj(const std::filesystem::path& path, const LoadOptions& options);
 Scene ReadOff(const std::filesystem::path& path, const LoadOptions& options);
 /// glTF 2.0, .gltf or .glb, through tinygltf: the default scene with its node hierarchy flattened.
 Scene ReadGltf(const std::filesystem::path& path, const LoadOptions& options);
-
-/// The whole file. Throws InputError: missing, a directory, empty, unreadable.
-std::string ReadFile(const std::filesystem::path& path);
-
-/// Text in one line: line breaks become "; ", control characters and runs of blanks become one blank.
-std::string OneLine(const std::string& text);
 
 }  // namespace raybench

@@ -14,6 +14,7 @@
 #include <stdexcept>
 
 #include "datasets/hash.h"
+#include "datasets/orientation.h"
 
 namespace raybench {
 
@@ -22,78 +23,6 @@ namespace {
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 constexpr float kMaxFloat = std::numeric_limits<float>::max();
 constexpr size_t kGrain = 1 << 14;
-
-// --- Exact collinearity
-// ------------------------------------------------------------------------------------- Error-free
-// transformations (Dekker 1971, Knuth 1969) and expansions (Shewchuk 1997). Differences of floats and
-// products of two such differences lie between 2^-298 and 2^260, so nothing over- or underflows in double.
-
-struct TwoTerms {
-  double high, low;  // exact value: high + low, |low| <= ulp(high) / 2
-};
-
-TwoTerms TwoSum(double a, double b) {
-  double sum = a + b, b_part = sum - a, a_part = sum - b_part;
-  return {sum, (a - a_part) + (b - b_part)};
-}
-
-TwoTerms TwoProduct(double a, double b) {
-  double product = a * b;
-  return {product, std::fma(a, b, -product)};
-}
-
-/// A sum of doubles kept without error; it is zero only if every component is.
-class Expansion {
- public:
-  void Add(double term) {
-    for (int i = 0; i < size_; ++i) {
-      TwoTerms t = TwoSum(term, parts_[i]);
-      parts_[i] = t.low, term = t.high;
-    }
-    parts_[size_++] = term;
-  }
-  void AddProduct(TwoTerms a, TwoTerms b, double sign) {
-    for (double x : {a.high, a.low})
-      for (double y : {b.high, b.low}) {
-        TwoTerms p = TwoProduct(x, y);
-        Add(sign * p.high), Add(sign * p.low);
-      }
-  }
-  bool IsZero() const {
-    return std::all_of(parts_, parts_ + size_, [](double part) { return part == 0; });
-  }
-
- private:
-  double parts_[16];
-  int size_ = 0;
-};
-
-}  // namespace
-
-bool IsDegenerate(Vec3f a, Vec3f b, Vec3f c) {
-  Vec3d u = ToDouble(b) - ToDouble(a), v = ToDouble(c) - ToDouble(a);
-  // Filter: each difference, product and sum is off by at most 2^-53 of itself, 4 * 2^-53 of `scale` in all.
-  for (int i = 0; i < 3; ++i) {
-    int j = (i + 1) % 3, k = (i + 2) % 3;
-    double p = u[j] * v[k], q = u[k] * v[j];
-    if (std::abs(p - q) > 0x1p-50 * (std::abs(p) + std::abs(q))) return false;
-  }
-  TwoTerms eu[3], ev[3];
-  for (int i = 0; i < 3; ++i) {
-    eu[i] = TwoSum(b[i], -double(a[i]));
-    ev[i] = TwoSum(c[i], -double(a[i]));
-  }
-  for (int i = 0; i < 3; ++i) {
-    int j = (i + 1) % 3, k = (i + 2) % 3;
-    Expansion determinant;
-    determinant.AddProduct(eu[j], ev[k], 1);
-    determinant.AddProduct(eu[k], ev[j], -1);
-    if (!determinant.IsZero()) return false;
-  }
-  return true;
-}
-
-namespace {
 
 bool IsFinite(Vec3f v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
 

@@ -66,6 +66,7 @@ struct LoadStats {
   uint64_t faces = 0;                 ///< polygons in the file, before triangulation
   uint64_t degenerate_triangles = 0;  ///< exactly collinear, left out (exact predicate)
   uint64_t dropped_triangles = 0;     ///< non-finite or out-of-range, left out because the caller asked to
+  uint64_t crossed_faces = 0;         ///< polygons that cross themselves: fans, which need not cover them
   uint64_t instances = 0;             ///< mesh nodes flattened
   uint64_t shared_triangles = 0;      ///< triangles that instancing would have shared
   std::vector<std::string> notes;     ///< what the file has and the scene has not, a line each, for the user
@@ -121,9 +122,6 @@ class Scene {
   Bounds3 bounds_;
   std::string hash_;
 };
-
-/// True if the three points are exactly collinear or coincide. Exact for all finite floats.
-bool IsDegenerate(Vec3f a, Vec3f b, Vec3f c);
 
 struct LoadOptions {
   uint64_t seed = 1;                              ///< for generators

@@ -27,6 +27,7 @@
 #include <stdexcept>
 
 #include "accel/float_state.h"
+#include "datasets/orientation.h"
 #include "harness/exact.h"
 #include "harness/verdict.h"
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "datasets/orientation.h"
 #include "datasets/random.h"
 #include "datasets_testing.h"
 

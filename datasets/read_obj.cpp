@@ -1,0 +1,235 @@
+// Wavefront OBJ. Its materials are read here as well, because OpenMesh passes on nothing of them but an 8-bit
+// diffuse colour.
+
+#include <fmt/format.h>
+
+#include <OpenMesh/Core/IO/reader/OBJReader.hh>
+#include <algorithm>
+#include <charconv>
+#include <fstream>
+#include <map>
+
+#include "datasets/mesh_sink.h"
+#include "datasets/openmesh_importer.h"
+#include "datasets/readers.h"
+
+namespace raybench {
+namespace {
+
+/// Reads the materials of one MTL file into `materials` by name. What does not parse is left at its default.
+/// False if there is no such file.
+bool ReadMtl(const std::filesystem::path& path, std::map<std::string, Material, std::less<>>& materials) {
+  std::ifstream in(path);
+  if (!in) return false;
+  std::string line;
+  Material* m = nullptr;
+  while (std::getline(in, line)) {
+    Words words(line);
+    std::string_view key = words.Next();
+    if (key == "newmtl") {
+      std::string name(words.Rest());
+      m = &materials[name];
+      *m = Material{};
+      m->name = name;
+      continue;
+    }
+    if (m == nullptr || key.empty() || key.starts_with('#')) continue;
+    float x[3];
+    int n = 0;
+    while (n < 3 && ParseNumber(words.Next(), x[n]) == Number::kFinite) ++n;
+    if (n == 0) continue;
+    auto unit = [](float v) { return std::clamp(v, 0.0f, 1.0f); };
+    Vec3f color =
+        n == 3 ? Vec3f{unit(x[0]), unit(x[1]), unit(x[2])} : Vec3f{unit(x[0]), unit(x[0]), unit(x[0])};
+    if (key == "Kd") m->diffuse = color;
+    if (key == "Ks") m->specular = color;
+    if (key == "Ke") m->emission = color;
+    if (key == "Ns") m->shininess = std::clamp(x[0], 1.0f, 1e4f);
+    if (key == "Ni") m->ior = std::clamp(x[0], 1.0f, 4.0f);
+    if (key == "d") m->transmit = Vec3f{1, 1, 1} * (1 - unit(x[0]));
+    if (key == "Tr") m->transmit = Vec3f{1, 1, 1} * unit(x[0]);
+    // Illumination models 3 to 9 have ray-traced reflection; `reflect` marks it until Ks is known.
+    if (key == "illum") m->reflect = x[0] >= 3 && x[0] <= 9 ? Vec3f{1, 1, 1} : Vec3f{0, 0, 0};
+  }
+  return true;
+}
+
+/// True if a number occurs twice.
+bool HasRepeats(const std::vector<int64_t>& numbers, std::vector<int64_t>& scratch) {
+  if (numbers.size() <= 8) {
+    for (size_t i = 1; i < numbers.size(); ++i)
+      for (size_t k = 0; k < i; ++k)
+        if (numbers[i] == numbers[k]) return true;
+    return false;
+  }
+  scratch = numbers;
+  std::sort(scratch.begin(), scratch.end());
+  return std::adjacent_find(scratch.begin(), scratch.end()) != scratch.end();
+}
+
+/// The strict pass over an OBJ file; adds its materials to the scene.
+class ObjScan {
+ public:
+  ObjScan(const std::filesystem::path& path, const LoadOptions& options, Scene& scene)
+      : path_(path),
+        drop_bad_(options.drop_bad),
+        scene_(scene),
+        text_(ReadFile(path)),
+        stage_(options, 0, 0.4) {}
+
+  CleanMesh Run() {
+    JoinContinuedLines();
+    // Count first, since an index may refer to a vertex further down.
+    std::string_view line;
+    for (Lines lines(text_); lines.Next(line);) vertex_count_ += Words(line).Next() == "v";
+    if (int64_t(vertex_count_) > kMaxCount)
+      Fail(fmt::format("has {} vertices; {} are allowed", vertex_count_, kMaxCount));
+    mesh_.text.reserve(text_.size() + text_.size() / 16);
+    while (lines_.Next(line)) {
+      Line(Words(line));
+      stage_.Tell(lines_.offset(), text_.size());
+    }
+    if (mesh_.faces == 0) Fail("has no faces; is it a Wavefront OBJ file?");
+    return std::move(mesh_);
+  }
+
+ private:
+  [[noreturn]] void Fail(const std::string& what) const { throw InputError(path_.string() + ": " + what); }
+  [[noreturn]] void FailLine(const std::string& what) const {
+    const auto joined = std::lower_bound(joined_.begin(), joined_.end(), lines_.offset()) - joined_.begin();
+    Fail(fmt::format("line {}: {}", lines_.number() + uint64_t(joined), what));
+  }
+
+  /// Puts blanks for a backslash and the line break after it, and notes where.
+  void JoinContinuedLines() {
+    for (size_t i = text_.find('\\'); i != text_.npos; i = text_.find('\\', i + 1)) {
+      size_t end = i + 1 < text_.size() && text_[i + 1] == '\r' ? i + 2 : i + 1;
+      if (end >= text_.size() || text_[end] != '\n') continue;
+      text_.replace(i, end + 1 - i, end + 1 - i, ' ');
+      joined_.push_back(end);
+    }
+  }
+
+  void Line(Words words) {
+    const std::string_view key = words.Next();
+    if (key == "v") {
+      Vertex(words);
+    } else if (key == "f") {
+      Face(words);
+    } else if (key == "mtllib") {
+      const std::string name(words.Rest());
+      if (!ReadMtl(path_.parent_path() / name, library_))
+        scene_.stats.notes.push_back(fmt::format("the material file {} cannot be read", Quoted(name)));
+    } else if (key == "usemtl") {
+      mesh_.materials.push_back({uint32_t(mesh_.faces), MaterialIndex(words.Rest())});
+    }
+  }
+
+  void Vertex(Words& words) {
+    std::string_view coordinates[3];
+    bool is_finite = true;
+    for (int i = 0; i < 3; ++i) {
+      const std::string_view word = coordinates[i] = words.Next();
+      if (word.empty() || word.starts_with('#'))
+        FailLine(fmt::format("vertex {} has {} coordinates; 3 are needed", mesh_.vertices, i));
+      float value;
+      const Number number = ParseNumber(word, value);
+      is_finite &= number == Number::kFinite;
+      CheckCoordinate(number, word, mesh_.vertices, drop_bad_,
+                      [&](const std::string& what) { FailLine(what); });
+    }
+    if (!is_finite) mesh_.bad_vertices.push_back(uint32_t(mesh_.vertices));
+    mesh_.text += 'v';
+    for (std::string_view word : coordinates) (mesh_.text += ' ') += is_finite ? word : "0";
+    mesh_.text += '\n';
+    ++mesh_.vertices;
+  }
+
+  void Face(Words& words) {
+    corners_.clear();  // counted from 1, as in the file
+    size_t corner_count = 0;
+    bool is_bad = false;
+    for (std::string_view word = words.Next(); !word.empty() && !word.starts_with('#'); word = words.Next()) {
+      int64_t index = 0;
+      if (!ParseInt(word.substr(0, word.find('/')), index) ||
+          word.find_first_not_of("+-0123456789/") != word.npos)
+        FailLine(fmt::format("face {} has the corner {}; an index such as 3 or 3/1/2 is needed", mesh_.faces,
+                             Quoted(word)));
+      int64_t corner = index < 0 ? int64_t(mesh_.vertices) + index + 1 : index;
+      if (corner < 1 || corner > int64_t(vertex_count_)) {
+        if (!drop_bad_)
+          FailLine(fmt::format("face {} refers to vertex {}; allowed are 1 to {}, or -{} to -1", mesh_.faces,
+                               index, vertex_count_, mesh_.vertices));
+        is_bad = true;
+        corner = int64_t{RAYBENCH_NONE} - int64_t(corner_count);  // each its own, so that none is a repeat
+      }
+      ++corner_count;
+      if (corners_.empty() || corners_.back() != corner) corners_.push_back(corner);
+    }
+    // Faces of two corners are common and harmless, but not at the end of a file cut off within a line.
+    if (corner_count == 0 || (corner_count < 3 && lines_.is_unended()))
+      FailLine(fmt::format("face {} has {} corners; at least 3 are needed", mesh_.faces, corner_count));
+    while (corners_.size() > 1 && corners_.front() == corners_.back()) corners_.pop_back();
+    // A corner given twice in a row makes a degenerate triangle.
+    scene_.stats.degenerate_triangles +=
+        std::max<size_t>(corner_count, 3) - std::max<size_t>(corners_.size(), 2);
+    // OpenMesh would leave out without a word what has not 3 different corners, and any face with a corner
+    // given twice. Those are what joins a hole to the outline.
+    if (is_bad || corners_.size() < 3 || HasRepeats(corners_, scratch_)) {
+      CleanMesh::HeldBack& face = mesh_.held_back.emplace_back();
+      face.face = uint32_t(mesh_.faces);
+      if (corners_.size() >= 3)
+        for (int64_t corner : corners_) face.corners.push_back(uint32_t(corner - 1));
+    } else {
+      mesh_.text += 'f';
+      for (int64_t corner : corners_) AddNumber(corner);
+      mesh_.text += '\n';
+    }
+    if (int64_t(++mesh_.faces) > kMaxCount) Fail(fmt::format("has more than {} faces", kMaxCount));
+  }
+
+  void AddNumber(int64_t number) {
+    char digits[24];
+    mesh_.text += ' ';
+    mesh_.text.append(digits, std::to_chars(digits, digits + sizeof digits, number).ptr);
+  }
+
+  uint32_t MaterialIndex(std::string_view name) {
+    auto [it, is_new] = index_.try_emplace(std::string(name), uint32_t(scene_.materials.size()));
+    if (is_new) {
+      Material m;
+      if (auto found = library_.find(name); found != library_.end()) m = found->second;
+      m.name = std::string(name);
+      m.reflect = m.reflect * m.specular;
+      m.diffuse = m.diffuse * (Vec3f{1, 1, 1} - m.transmit);
+      scene_.materials.push_back(m);
+    }
+    return it->second;
+  }
+
+  const std::filesystem::path& path_;
+  bool drop_bad_;
+  Scene& scene_;
+  std::string text_;
+  LoadStage stage_;
+  Lines lines_{text_};
+  std::vector<size_t> joined_;  ///< where line breaks were that do not count
+  CleanMesh mesh_;
+  uint64_t vertex_count_ = 0;
+  std::vector<int64_t> corners_, scratch_;
+  std::map<std::string, Material, std::less<>> library_;
+  std::map<std::string, uint32_t, std::less<>> index_;
+};
+
+}  // namespace
+
+Scene ReadObj(const std::filesystem::path& path, const LoadOptions& options) {
+  Scene scene;
+  scene.provenance.source = path.string();
+  scene.materials.emplace_back().name = "default";
+  CleanMesh mesh = ObjScan(path, options, scene).Run();
+  ReadWithOpenMesh(OpenMesh::IO::OBJReader(), path.string(), std::move(mesh), options, scene);
+  return scene;
+}
+
+}  // namespace raybench

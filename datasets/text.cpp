@@ -1,0 +1,75 @@
+#include "datasets/text.h"
+
+#include <fmt/format.h>
+
+#include <cctype>
+#include <charconv>
+#include <cmath>
+#include <cstdlib>
+#include <fstream>
+
+#include "accel/parameters.h"
+
+namespace raybench {
+
+std::string ReadFile(const std::filesystem::path& path) {
+  std::error_code error;
+  std::filesystem::file_status status = std::filesystem::status(path, error);
+  if (!std::filesystem::exists(status)) throw InputError(path.string() + ": no such file");
+  if (std::filesystem::is_directory(status)) throw InputError(path.string() + ": is a directory, not a file");
+  std::ifstream in(path, std::ios::binary);
+  if (!in) throw InputError(path.string() + ": cannot be opened for reading");
+  // A pipe has no size; a file may still be growing.
+  const uintmax_t size = std::filesystem::file_size(path, error);
+  std::string text;
+  size_t filled = 0;
+  for (size_t room = error ? 1 << 16 : size_t(size) + 1; in; room = std::max(filled, size_t{1} << 16)) {
+    text.resize(filled + room);
+    in.read(text.data() + filled, std::streamsize(room));
+    filled += size_t(in.gcount());
+  }
+  if (in.bad()) throw InputError(path.string() + ": cannot be read");
+  text.resize(filled);
+  if (text.empty()) throw InputError(path.string() + ": is empty");
+  return text;
+}
+
+std::string OneLine(const std::string& text) {
+  std::string line;
+  for (char c : text) {
+    if (c == '\n') {
+      if (!line.empty() && line.back() != ' ') line += "; ";
+    } else if (std::iscntrl(static_cast<unsigned char>(c)) || c == ' ') {
+      if (!line.empty() && line.back() != ' ') line += ' ';
+    } else {
+      line += c;
+    }
+  }
+  while (!line.empty() && (line.back() == ' ' || line.back() == ';')) line.pop_back();
+  return line;
+}
+
+std::string Quoted(std::string_view text) { return OneLine(fmt::format("'{}'", text.substr(0, 40))); }
+
+std::string CoordinateMessage(std::string_view word, uint64_t vertex, const char* rule) {
+  return fmt::format("vertex {} has the coordinate {}; {}", vertex, Quoted(word), rule);
+}
+
+Number ParseNumber(std::string_view word, float& value) {
+  if (word.starts_with('+')) word.remove_prefix(1);
+  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
+  if (word.empty() || end != word.data() + word.size()) return Number::kMalformed;
+  if (error == std::errc::result_out_of_range)
+    value = std::strtof(std::string(word).c_str(), nullptr);  // tiny or inf
+  else if (error != std::errc())
+    return Number::kMalformed;
+  return std::isfinite(value) ? Number::kFinite : Number::kNotFinite;
+}
+
+bool ParseInt(std::string_view word, int64_t& value) {
+  if (word.starts_with('+')) word.remove_prefix(1);
+  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
+  return !word.empty() && error == std::errc() && end == word.data() + word.size();
+}
+
+}  // namespace raybench
