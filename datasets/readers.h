@@ -10,8 +10,12 @@
 
 namespace raybench {
 
-/// Wavefront OBJ with its MTL files, through OpenMesh. Each `f` line is one face; n-gons become fans.
+/// Wavefront OBJ with its MTL files, through OpenMesh. Each `f` line is one face.
 Scene ReadObj(const std::filesystem::path& path, const LoadOptions& options);
+/// PLY, ASCII and binary, through OpenMesh. Faces are the items of `face` and the triangles of `tristrips`.
+Scene ReadPly(const std::filesystem::path& path, const LoadOptions& options);
+/// STL, ASCII and binary. Corners at equal positions are one vertex; each facet is one face.
+Scene ReadStl(const std::filesystem::path& path, const LoadOptions& options);
 /// ASCII OFF (also COFF, NOFF, STOFF), through OpenMesh.
 Scene ReadOff(const std::filesystem::path& path, const LoadOptions& options);
 /// glTF 2.0, .gltf or .glb, through tinygltf: the default scene with its node hierarchy flattened.

@@ -6,8 +6,8 @@
 
 #include "harness/commands.h"
 #include "harness/interrupt.h"
-#include "harness/machine.h"
 #include "harness/load.h"
+#include "harness/machine.h"
 #include "harness/progress.h"
 #include "harness/ray_sets.h"
 
