@@ -1,16 +1,26 @@
-// glTF 2.0 through tinygltf: the node hierarchy of the default scene, flattened. What tinygltf hands over is
-// not trusted: every index and every byte range is checked here. Skins, morph targets and animations are not
-// applied; images are not decoded.
+// glTF 2.0: the node hierarchy of the default scene, flattened. datasets/gltf/ takes the file apart:
+// container and JSON schema are checked before tinygltf turns the JSON into its model; accessors and
+// materials are read from that. tinygltf touches neither files nor buffers nor images, and its indices are
+// not trusted.
+//
+// Skins, morph targets and animations are not applied: meshes are read as they are stored, under their nodes'
+// transforms. Mirrored instances (negative determinant) have their winding reversed, as glTF 2.0 says
+// (3.7.4), so that closed surfaces keep their inside.
 
 #include <fmt/format.h>
 #include <tiny_gltf.h>
 
+#include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <map>
 #include <set>
 
+#include "datasets/gltf/accessors.h"
+#include "datasets/gltf/container.h"
+#include "datasets/gltf/materials.h"
+#include "datasets/memory.h"
 #include "datasets/readers.h"
+#include "datasets/tangent.h"
 
 namespace raybench {
 namespace {
@@ -22,41 +32,58 @@ struct Affine {
   Vec3d Vector(Vec3d v) const { return x * v.x + y * v.y + z * v.z; }
   Vec3d Point(Vec3d p) const { return Vector(p) + t; }
   Affine operator*(const Affine& b) const { return {Vector(b.x), Vector(b.y), Vector(b.z), Point(b.t)}; }
+  bool Mirrors() const { return Dot(Cross(x, y), z) < 0; }
+  /// A unit normal, by the inverse transpose; (0, 0, 0) where there is none.
+  Vec3f Normal(Vec3d n) const {
+    Vec3d v = Cross(y, z) * n.x + Cross(z, x) * n.y + Cross(x, y) * n.z;
+    const double length = Length(v);
+    if (!(length > 0)) return {0, 0, 0};
+    return ToFloat(v * ((Mirrors() ? -1 : 1) / length));
+  }
 };
 
-/// Tangent from the Taylor series and the double-angle formula, so that cameras are the same with every libm.
-double Tangent(double angle) {
-  double h = angle / 64, h2 = h * h;
-  double t = h * (1 + h2 * (1.0 / 3 + h2 * (2.0 / 15 + h2 * (17.0 / 315 + h2 * (62.0 / 2835)))));
-  for (int i = 0; i < 6; ++i) t = 2 * t / (1 - t * t);
-  return t;
+/// Translation * rotation * scale. The rotation is a quaternion (x, y, z, w) of any length but 0.
+Affine FromTrs(Vec3d t, std::array<double, 4> q, Vec3d s) {
+  const double f = 2 / (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+  const double x = q[0], y = q[1], z = q[2], w = q[3];
+  return {Vec3d{1 - f * (y * y + z * z), f * (x * y + z * w), f * (x * z - y * w)} * s.x,
+          Vec3d{f * (x * y - z * w), 1 - f * (x * x + z * z), f * (y * z + x * w)} * s.y,
+          Vec3d{f * (x * z + y * w), f * (y * z - x * w), 1 - f * (x * x + y * y)} * s.z, t};
 }
 
-bool IgnoreImage(tinygltf::Image*, int, std::string*, std::string*, int, int, const unsigned char*, int,
-                 void*) {
-  return true;
-}
-
-constexpr char kDraco[] = "KHR_draco_mesh_compression";
+constexpr char kInstancing[] = "EXT_mesh_gpu_instancing";
+constexpr char kQuantization[] = "KHR_mesh_quantization";
 
 class GltfReader {
  public:
   GltfReader(const std::filesystem::path& path, const LoadOptions& options)
-      : path_(path.string()), options_(options) {
-    scene_.provenance.source = path_;
+      : options_(options),
+        container_(path),
+        images_(Take("images")),
+        has_animations_(!Take("animations").empty()) {
+    scene_.provenance.source = path.string();
+    Parse();
+    const std::vector<std::string>& used = model_.extensionsUsed;
+    const bool quantized = std::find(used.begin(), used.end(), kQuantization) != used.end();
+    position_types_ = kGltfFloat | (quantized ? kGltfBytes | kGltfShorts : 0);
+    uv_types_ = kGltfFloat | kGltfUnsignedByte | kGltfUnsignedShort | position_types_;
   }
 
   Scene Read() {
-    Parse();
-    CheckExtensions();
-    for (const tinygltf::Material& m : model_.materials) AddMaterial(m);
-    CountInstances();
+    for (const tinygltf::Material& material : model_.materials) {
+      scene_.materials.push_back(GltfMaterial(material));
+      lookups_.push_back(GltfBaseColor(material));
+    }
     Walk();
+    Prepare();
+    Fill();
+    AddNotes();
     return std::move(scene_);
   }
 
  private:
-  [[noreturn]] void Fail(const std::string& what) const { throw InputError(path_ + ": " + OneLine(what)); }
+  [[noreturn]] void Fail(const std::string& what) const { container_.Fail(what); }
+  void Note(std::string text) { scene_.stats.notes.push_back(std::move(text)); }
 
   template <class T>
   const T& At(const std::vector<T>& items, int64_t index, const char* what) const {
@@ -65,255 +92,55 @@ class GltfReader {
     return items[size_t(index)];
   }
 
+  /// Moves an array out of the JSON: what tinygltf shall not see.
+  nlohmann::json Take(const char* key) {
+    nlohmann::json taken = nlohmann::json::array();
+    if (auto it = container_.root.find(key); it != container_.root.end()) {
+      taken = std::move(*it);
+      container_.root.erase(it);
+    }
+    return taken;
+  }
+
   void Parse() {
-    std::string bytes = ReadFile(path_);
-    bool binary = bytes.starts_with("glTF");
-    tinygltf::TinyGLTF loader;
-    loader.SetImageLoader(IgnoreImage, nullptr);
+    nlohmann::json& root = container_.root;
+    // tinygltf wants a view of every accessor of indices; accessors of zeros get one that is known as theirs.
+    if (auto accessors = root.find("accessors"); accessors != root.end()) {
+      nlohmann::json& views = root["bufferViews"];
+      zero_view_ = int(views.size());
+      for (nlohmann::json& accessor : *accessors)
+        if (!accessor.contains("bufferView")) accessor["bufferView"] = zero_view_;
+      views.push_back({{"buffer", 0}, {"byteLength", 0}});
+    }
     std::string error, warning;
     bool ok = false;
-    if (bytes.size() > std::numeric_limits<uint32_t>::max()) Fail("is larger than 4 GiB, the limit of glTF");
-    auto folder = std::filesystem::path(path_).parent_path().string();
     try {
-      ok = binary ? loader.LoadBinaryFromMemory(&model_, &error, &warning,
-                                                reinterpret_cast<const unsigned char*>(bytes.data()),
-                                                unsigned(bytes.size()), folder)
-                  : loader.LoadASCIIFromString(&model_, &error, &warning, bytes.data(),
-                                               unsigned(bytes.size()), folder);
-    } catch (const std::exception& e) {
+      const std::string text = root.dump();
+      root = {};
+      if (text.size() > INT_MAX) Fail("has more than 2 GiB of JSON");
+      ok = tinygltf::TinyGLTF().LoadASCIIFromString(&model_, &error, &warning, text.data(),
+                                                    unsigned(text.size()), "");
+    } catch (const nlohmann::json::exception& e) {
       error = e.what();
     }
-    if (!ok) {
-      // tinygltf may stumble over the accessors without data that such files have.
-      if (bytes.find(kDraco) != bytes.npos) FailDraco();
-      if (error.empty()) error = warning.empty() ? "unknown error" : warning;
-      Fail("is not valid glTF: " + error);
-    }
-  }
-
-  void CheckExtensions() const {
-    for (const tinygltf::Mesh& mesh : model_.meshes)
-      for (const tinygltf::Primitive& p : mesh.primitives)
-        if (p.extensions.count(kDraco)) FailDraco();
-    for (const std::string& name : model_.extensionsRequired) {
-      if (name == kDraco) FailDraco();
-      // These change how surfaces look, not which triangles there are.
-      if (name.starts_with("KHR_materials_") || name.starts_with("KHR_texture_") ||
-          name.starts_with("EXT_texture_") || name == "KHR_lights_punctual" ||
-          name == "KHR_mesh_quantization" || name.starts_with("KHR_xmp"))
-        continue;
-      Fail(fmt::format("requires the glTF extension {}, which raybench does not read", name));
-    }
-  }
-
-  [[noreturn]] void FailDraco() const {
-    Fail(
-        "uses Draco compression (KHR_draco_mesh_compression), which raybench does not read: save it again "
-        "without "
-        "mesh compression");
-  }
-
-  /// A Whitted material that stands for metallic-roughness: the smoother a metal, the more it is a mirror.
-  void AddMaterial(const tinygltf::Material& m) {
-    const tinygltf::PbrMetallicRoughness& pbr = m.pbrMetallicRoughness;
-    auto unit = [](double v) { return float(std::isfinite(v) ? std::clamp(v, 0.0, 1.0) : 0.0); };
-    auto factor = [&](const std::vector<double>& v, size_t i, double fallback) {
-      return unit(i < v.size() ? v[i] : fallback);
-    };
-    Vec3f base{factor(pbr.baseColorFactor, 0, 1), factor(pbr.baseColorFactor, 1, 1),
-               factor(pbr.baseColorFactor, 2, 1)};
-    float smooth = 1 - unit(pbr.roughnessFactor), mirror = unit(pbr.metallicFactor) * smooth;
-    Material out;
-    out.name = m.name;
-    out.reflect = base * mirror;
-    out.diffuse = base * (1 - mirror);
-    out.specular = (base * mirror + Vec3f{0.04f, 0.04f, 0.04f} * (1 - mirror)) * smooth;
-    out.shininess = 1 + 127 * smooth * smooth;
-    out.emission = {factor(m.emissiveFactor, 0, 0), factor(m.emissiveFactor, 1, 0),
-                    factor(m.emissiveFactor, 2, 0)};
-    float through = m.alphaMode == "BLEND" ? 1 - factor(pbr.baseColorFactor, 3, 1) : 0.0f;
-    out.ior = 1;  // blending does not bend the ray
-    if (auto it = m.extensions.find("KHR_materials_transmission"); it != m.extensions.end()) {
-      through = unit(Number(it->second, "transmissionFactor", 0));
-      out.ior = 1.5f;
-      if (auto ior = m.extensions.find("KHR_materials_ior"); ior != m.extensions.end())
-        out.ior = float(std::clamp(Number(ior->second, "ior", 1.5), 1.0, 4.0));
-    }
-    out.transmit = base * through;
-    out.diffuse = out.diffuse * (1 - through);
-    scene_.materials.push_back(out);
-  }
-
-  static double Number(const tinygltf::Value& value, const char* key, double fallback) {
-    if (!value.IsObject() || !value.Has(key) || !value.Get(key).IsNumber()) return fallback;
-    return value.Get(key).GetNumberAsDouble();
-  }
-
-  uint32_t MaterialOf(const tinygltf::Primitive& primitive) {
-    if (primitive.material >= 0) {
-      At(model_.materials, primitive.material, "material");
-      return uint32_t(primitive.material);
-    }
-    if (scene_.materials.size() == model_.materials.size()) scene_.materials.emplace_back().name = "default";
-    return uint32_t(model_.materials.size());
-  }
-
-  // --- Accessors
-  // ---------------------------------------------------------------------------------------------
-
-  struct View {
-    const unsigned char* data;
-    uint64_t stride;
-  };
-
-  /// `count` elements of `size` bytes at `offset` in a buffer view; all of them lie inside the buffer.
-  View Elements(int view_index, uint64_t offset, uint64_t count, uint64_t size,
-                const std::string& what) const {
-    const tinygltf::BufferView& view = At(model_.bufferViews, view_index, "buffer view");
-    const tinygltf::Buffer& buffer = At(model_.buffers, view.buffer, "buffer");
-    uint64_t stride = view.byteStride == 0 ? size : view.byteStride;
-    bool fits = view.byteOffset <= buffer.data.size() &&
-                view.byteLength <= buffer.data.size() - view.byteOffset && stride >= size && stride <= 255 &&
-                count <= buffer.data.size() / size && offset <= view.byteLength &&
-                (count == 0 || (count - 1) * stride + size <= view.byteLength - offset);
-    if (!fits)
-      Fail(fmt::format(
-          "{} needs {} elements of {} bytes (stride {}) at offset {} of buffer view {}, which has {} bytes "
-          "in a buffer of {}",
-          what, count, size, stride, offset, view_index, view.byteLength, buffer.data.size()));
-    return {buffer.data.data() + view.byteOffset + offset, stride};
-  }
-
-  /// The accessor's elements as T, with sparse replacements.
-  template <class T>
-  std::vector<T> ReadAccessor(const tinygltf::Accessor& a, const std::string& what) const {
-    if (a.bufferView < 0 && !a.sparse.isSparse) Fail(what + " has no buffer view");
-    if (a.count > (uint64_t{1} << 32))
-      Fail(fmt::format("{} has {} elements; at most 2^32 are allowed", what, a.count));
-    std::vector<T> items;
-    if (a.bufferView >= 0) {
-      View view = Elements(a.bufferView, a.byteOffset, a.count, sizeof(T), what);
-      items.resize(a.count);
-      for (size_t i = 0; i < a.count; ++i) std::memcpy(&items[i], view.data + i * view.stride, sizeof(T));
-    } else {
-      items.resize(a.count, T{});
-    }
-    if (a.sparse.isSparse) {
-      uint64_t n = uint64_t(std::max(a.sparse.count, 0));
-      int size = tinygltf::GetComponentSizeInBytes(uint32_t(a.sparse.indices.componentType));
-      if (size != 1 && size != 2 && size != 4)
-        Fail(what + " has sparse indices of a type that is not allowed");
-      View indices = Elements(a.sparse.indices.bufferView, uint64_t(a.sparse.indices.byteOffset), n,
-                              uint64_t(size), what);
-      View values =
-          Elements(a.sparse.values.bufferView, uint64_t(a.sparse.values.byteOffset), n, sizeof(T), what);
-      for (uint64_t i = 0; i < n; ++i) {
-        uint32_t index = 0;
-        std::memcpy(&index, indices.data + i * indices.stride, size_t(size));
-        if (index >= items.size())
-          Fail(fmt::format("{} has the sparse index {}; it has {} elements", what, index, items.size()));
-        std::memcpy(&items[index], values.data + i * values.stride, sizeof(T));
-      }
-    }
-    return items;
-  }
-
-  struct Triangles {
-    int positions = -1;  // accessor
-    uint32_t material = 0;
-    std::vector<std::array<uint32_t, 3>> indices;
-  };
-
-  const std::vector<Vec3f>& Positions(int accessor_index) {
-    auto [it, is_new] = positions_.try_emplace(accessor_index);
-    if (is_new) {
-      const tinygltf::Accessor& a = At(model_.accessors, accessor_index, "accessor");
-      std::string what = fmt::format("accessor {} (POSITION)", accessor_index);
-      if (a.type != TINYGLTF_TYPE_VEC3 || a.componentType != TINYGLTF_COMPONENT_TYPE_FLOAT)
-        Fail(what + " is not of type VEC3 of float, the only one read for positions");
-      it->second = ReadAccessor<Vec3f>(a, what);
-      for (size_t i = 0; i < it->second.size() && !options_.drop_bad; ++i) {
-        Vec3f p = it->second[i];
-        if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z))
-          Fail(fmt::format("vertex {} of {} is ({}, {}, {}); coordinates must be finite", i, what, p.x, p.y,
-                           p.z));
-      }
-    }
-    return it->second;
-  }
-
-  std::vector<uint32_t> Indices(const tinygltf::Primitive& primitive, size_t vertex_count) const {
-    std::vector<uint32_t> indices;
-    if (primitive.indices < 0) {
-      indices.resize(vertex_count);
-      for (size_t i = 0; i < vertex_count; ++i) indices[i] = uint32_t(i);
-      return indices;
-    }
-    const tinygltf::Accessor& a = At(model_.accessors, primitive.indices, "accessor");
-    std::string what = fmt::format("accessor {} (indices)", primitive.indices);
-    auto widen = [&](const auto& narrow) { indices.assign(narrow.begin(), narrow.end()); };
-    if (a.type != TINYGLTF_TYPE_SCALAR) Fail(what + " is not of type SCALAR");
-    switch (a.componentType) {
-      case TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE:
-        widen(ReadAccessor<uint8_t>(a, what));
-        break;
-      case TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT:
-        widen(ReadAccessor<uint16_t>(a, what));
-        break;
-      case TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT:
-        indices = ReadAccessor<uint32_t>(a, what);
-        break;
-      default:
-        Fail(what + " is not of an unsigned integer type");
-    }
-    for (size_t i = 0; i < indices.size(); ++i) {
-      if (indices[i] < vertex_count) continue;
-      if (!options_.drop_bad)
-        Fail(fmt::format("element {} of {} refers to vertex {}; allowed are 0 to {}", i, what, indices[i],
-                         int64_t(vertex_count) - 1));
-      indices[i] = RAYBENCH_NONE;
-    }
-    return indices;
-  }
-
-  /// The triangles of a mesh, read once however often it is instanced.
-  const std::vector<Triangles>& Mesh(int mesh_index) {
-    auto [it, is_new] = meshes_.try_emplace(mesh_index);
-    if (!is_new) return it->second;
-    for (const tinygltf::Primitive& p : At(model_.meshes, mesh_index, "mesh").primitives) {
-      int mode = p.mode < 0 ? TINYGLTF_MODE_TRIANGLES : p.mode;
-      if (mode > TINYGLTF_MODE_TRIANGLE_FAN)
-        Fail(fmt::format("mesh {} has the unknown primitive mode {}", mesh_index, mode));
-      if (mode < TINYGLTF_MODE_TRIANGLES) continue;  // points and lines
-      auto attribute = p.attributes.find("POSITION");
-      if (attribute == p.attributes.end()) continue;  // the specification: to be left out
-      Triangles out;
-      out.positions = attribute->second;
-      std::vector<uint32_t> v = Indices(p, Positions(out.positions).size());
-      if (mode == TINYGLTF_MODE_TRIANGLES) {
-        if (v.size() % 3 != 0)
-          Fail(fmt::format("mesh {} has triangles of {} indices; a multiple of 3 is needed", mesh_index,
-                           v.size()));
-        for (size_t i = 0; i + 2 < v.size(); i += 3) out.indices.push_back({v[i], v[i + 1], v[i + 2]});
-      } else if (mode == TINYGLTF_MODE_TRIANGLE_STRIP) {
-        for (size_t i = 0; i + 2 < v.size(); ++i)
-          out.indices.push_back({v[i], v[i + 1 + i % 2], v[i + 2 - i % 2]});
-      } else {
-        for (size_t i = 1; i + 1 < v.size(); ++i) out.indices.push_back({v[i], v[i + 1], v[0]});
-      }
-      if (!out.indices.empty()) {
-        out.material = MaterialOf(p);
-        it->second.push_back(std::move(out));
-      }
-    }
-    return it->second;
+    if (!ok) Fail("is not valid glTF: " + (error.empty() ? "tinygltf says no more" : error));
   }
 
   // --- Nodes
-  // -------------------------------------------------------------------------------------------------
 
-  std::vector<int> Roots() const {
-    if (!model_.scenes.empty()) return At(model_.scenes, std::max(model_.defaultScene, 0), "scene").nodes;
+  struct Instance {
+    int node, mesh;
+    Affine to_world;
+  };
+
+  std::vector<int> Roots() {
+    if (!model_.scenes.empty()) {
+      const int index = std::max(model_.defaultScene, 0);
+      if (model_.scenes.size() > 1)
+        Note(fmt::format("has {} scenes; scene {} is read", model_.scenes.size(), index));
+      return At(model_.scenes, index, "scene").nodes;
+    }
+    if (model_.defaultScene >= 0) At(model_.scenes, model_.defaultScene, "scene");
     // A file without scenes is a library of nodes: show all of it.
     std::vector<bool> is_child(model_.nodes.size());
     for (const tinygltf::Node& node : model_.nodes)
@@ -327,111 +154,100 @@ class GltfReader {
     return roots;
   }
 
-  /// Calls f(node index) in depth-first order of the file, parents first. Without recursion, and each node
-  /// once: glTF demands strict trees, and a cycle or a node of two parents is an error.
-  template <class F>
-  void ForEachNode(const F& f) const {
+  /// Depth first in the order of the file, parents first. Without recursion, and each node once: glTF demands
+  /// strict trees, and a cycle or a node of two parents is an error.
+  void Walk() {
+    struct Step {
+      int node, parent;
+    };
     std::vector<bool> seen(model_.nodes.size());
-    std::vector<int> stack = Roots();
-    std::reverse(stack.begin(), stack.end());
+    std::vector<Affine> world(model_.nodes.size());
+    std::vector<Step> stack;
+    const std::vector<int> roots = Roots();
+    for (auto it = roots.rbegin(); it != roots.rend(); ++it) stack.push_back({*it, -1});
     while (!stack.empty()) {
-      int index = stack.back();
+      const Step step = stack.back();
       stack.pop_back();
-      const tinygltf::Node& node = At(model_.nodes, index, "node");
-      if (seen[size_t(index)])
-        Fail(fmt::format("node {} is reached twice; glTF nodes must form trees, without cycles", index));
-      seen[size_t(index)] = true;
-      f(index);
-      stack.insert(stack.end(), node.children.rbegin(), node.children.rend());
+      const tinygltf::Node& node = At(model_.nodes, step.node, "node");
+      if (seen[size_t(step.node)])
+        Fail(fmt::format("node {} is reached twice; glTF nodes must form trees, without cycles", step.node));
+      seen[size_t(step.node)] = true;
+      const Affine local = LocalTransform(node, step.node);
+      const Affine& to_world = world[size_t(step.node)] =
+          step.parent < 0 ? local : world[size_t(step.parent)] * local;
+      if (node.mesh >= 0) AddInstances(node, step.node, to_world);
+      if (node.camera >= 0) AddCamera(At(model_.cameras, node.camera, "camera"), to_world, step.node);
+      if (auto it = node.extensions.find("KHR_lights_punctual"); it != node.extensions.end())
+        AddLight(At(model_.lights, GltfIndex(it->second, "light", -1), "light"), to_world);
+      for (auto it = node.children.rbegin(); it != node.children.rend(); ++it)
+        stack.push_back({*it, step.node});
     }
-  }
-
-  void CountInstances() {
-    std::map<int, uint64_t> uses;
-    uint64_t vertices = 0;
-    ForEachNode([&](int index) {
-      int mesh = model_.nodes[size_t(index)].mesh;
-      if (mesh < 0) return;
-      ++scene_.stats.instances;
-      uint64_t count = 0;
-      std::set<int> accessors;
-      for (const Triangles& t : Mesh(mesh)) {
-        count += t.indices.size();
-        if (accessors.insert(t.positions).second) vertices += Positions(t.positions).size();
-      }
-      if (uses[mesh]++ > 0) scene_.stats.shared_triangles += count;
-      scene_.stats.faces += count;
-    });
-    if (vertices >= RAYBENCH_NONE || scene_.stats.faces >= RAYBENCH_NONE)
-      Fail(fmt::format("has {} vertices and {} triangles with all instances; fewer than {} are allowed",
-                       vertices, scene_.stats.faces, RAYBENCH_NONE));
-    scene_.positions.reserve(vertices + 2);
-    scene_.triangles.reserve(scene_.stats.faces);
-    scene_.triangle_material.reserve(scene_.stats.faces);
   }
 
   Affine LocalTransform(const tinygltf::Node& node, int index) const {
-    auto expect = [&](const std::vector<double>& v, size_t n, const char* what) {
-      if (!v.empty() && v.size() != n)
-        Fail(fmt::format("node {} has a {} of {} numbers; {} are needed", index, what, v.size(), n));
-      return !v.empty();
-    };
     const std::vector<double>&m = node.matrix, &t = node.translation, &q = node.rotation, &s = node.scale;
-    if (expect(m, 16, "matrix"))
+    if (m.size() == 16)
       return {{m[0], m[1], m[2]}, {m[4], m[5], m[6]}, {m[8], m[9], m[10]}, {m[12], m[13], m[14]}};
-    Affine a;
-    if (expect(q, 4, "rotation")) {
-      double length2 = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
-      if (!(length2 > 0)) Fail(fmt::format("node {} has the rotation 0", index));
-      double x = q[0], y = q[1], z = q[2], w = q[3], f = 2 / length2;
-      a.x = {1 - f * (y * y + z * z), f * (x * y + z * w), f * (x * z - y * w)};
-      a.y = {f * (x * y - z * w), 1 - f * (x * x + z * z), f * (y * z + x * w)};
-      a.z = {f * (x * z + y * w), f * (y * z - x * w), 1 - f * (x * x + y * y)};
+    std::array<double, 4> rotation{0, 0, 0, 1};
+    if (q.size() == 4) {
+      std::copy(q.begin(), q.end(), rotation.begin());
+      CheckRotation(rotation, fmt::format("node {}", index));
     }
-    if (expect(s, 3, "scale")) a.x = a.x * s[0], a.y = a.y * s[1], a.z = a.z * s[2];
-    if (expect(t, 3, "translation")) a.t = {t[0], t[1], t[2]};
-    return a;
+    return FromTrs(t.size() == 3 ? Vec3d{t[0], t[1], t[2]} : Vec3d{0, 0, 0}, rotation,
+                   s.size() == 3 ? Vec3d{s[0], s[1], s[2]} : Vec3d{1, 1, 1});
   }
 
-  void Walk() {
-    std::vector<Affine> world(model_.nodes.size());
-    std::vector<int> parent(model_.nodes.size(), -1);
-    uint64_t done = 0;
-    ForEachNode([&](int index) {
-      const tinygltf::Node& node = model_.nodes[size_t(index)];
-      for (int child : node.children) {
-        At(model_.nodes, child, "node");
-        parent[size_t(child)] = index;
-      }
-      Affine local = LocalTransform(node, index);
-      int p = parent[size_t(index)];
-      const Affine& to_world = world[size_t(index)] = p < 0 ? local : world[size_t(p)] * local;
-      if (node.mesh >= 0) AddInstance(Mesh(node.mesh), to_world);
-      if (node.camera >= 0) AddCamera(At(model_.cameras, node.camera, "camera"), to_world, index);
-      if (auto it = node.extensions.find("KHR_lights_punctual"); it != node.extensions.end())
-        AddLight(At(model_.lights, int64_t(Number(it->second, "light", -1)), "light"), to_world);
-      if (options_.progress) options_.progress(double(++done) / double(model_.nodes.size()));
-    });
+  void CheckRotation(const std::array<double, 4>& q, const std::string& what) const {
+    const double length2 = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
+    if (!(length2 >= 1e-30 && length2 <= 1e30))
+      Fail(fmt::format("{} has the rotation ({}, {}, {}, {}); a unit quaternion is needed", what, q[0], q[1],
+                       q[2], q[3]));
   }
 
-  void AddInstance(const std::vector<Triangles>& mesh, const Affine& to_world) {
-    std::map<int, uint32_t> first;  // where each accessor's vertices start in this instance
-    for (const Triangles& part : mesh) {
-      auto [it, is_new] = first.try_emplace(part.positions, uint32_t(scene_.positions.size()));
-      if (is_new)
-        for (Vec3f p : Positions(part.positions))
-          scene_.positions.push_back(ToFloat(to_world.Point(ToDouble(p))));
-      for (std::array<uint32_t, 3> t : part.indices) {
-        for (uint32_t& v : t)
-          if (v != RAYBENCH_NONE) v += it->second;
-        scene_.triangles.push_back(t);
-        scene_.triangle_material.push_back(part.material);
-      }
+  /// One, or with EXT_mesh_gpu_instancing as many as its arrays say.
+  void AddInstances(const tinygltf::Node& node, int index, const Affine& to_world) {
+    At(model_.meshes, node.mesh, "mesh");
+    auto extension = node.extensions.find(kInstancing);
+    if (extension == node.extensions.end()) {
+      instances_.push_back({index, node.mesh, to_world});
+      return;
+    }
+    const tinygltf::Value& attributes = extension->second.Get("attributes");
+    uint64_t count = RAYBENCH_NONE;
+    auto read = [&]<size_t N>(const char* name, GltfTypes types, std::vector<std::array<float, N>>& out) {
+      if (!attributes.IsObject() || !attributes.Has(name)) return;
+      out = accessors_.Floats<N>(GltfIndex(attributes, name, -1), name, types);
+      if (count != RAYBENCH_NONE && count != out.size())
+        Fail(fmt::format("node {} has instances of {} and of {} elements; as many are needed of each", index,
+                         count, out.size()));
+      count = out.size();
+    };
+    std::vector<std::array<float, 3>> translations, scales;
+    std::vector<std::array<float, 4>> rotations;
+    read("TRANSLATION", kGltfFloat, translations);
+    read("ROTATION", kGltfFloat | kGltfBytes | kGltfShorts, rotations);
+    read("SCALE", kGltfFloat, scales);
+    if (count == RAYBENCH_NONE)
+      Fail(fmt::format("node {} has {} without TRANSLATION, ROTATION or SCALE", index, kInstancing));
+    RequireMemory(scene_.provenance.source, count * sizeof(Instance));
+    for (uint64_t i = 0; i < count; ++i) {
+      auto vector = [&](const auto& items, double fallback) {
+        return items.empty() ? Vec3d{fallback, fallback, fallback}
+                             : Vec3d{items[i][0], items[i][1], items[i][2]};
+      };
+      std::array<double, 4> rotation{0, 0, 0, 1};
+      if (!rotations.empty()) std::copy(rotations[i].begin(), rotations[i].end(), rotation.begin());
+      CheckRotation(rotation, fmt::format("instance {} of node {}", i, index));
+      instances_.push_back(
+          {index, node.mesh, to_world * FromTrs(vector(translations, 0), rotation, vector(scales, 1))});
     }
   }
 
   void AddCamera(const tinygltf::Camera& camera, const Affine& to_world, int node) {
-    if (camera.type != "perspective") return;
+    if (camera.type != "perspective") {
+      ++orthographic_cameras_;
+      return;
+    }
     double yfov = camera.perspective.yfov;
     if (!(yfov > 0 && yfov < 3.1415926))
       Fail(fmt::format("the camera of node {} has yfov {}; 0 < yfov < pi is needed", node, yfov));
@@ -449,19 +265,275 @@ class GltfReader {
 
   /// Point and spot lights, both as point lights. A light at infinity has no place in this model.
   void AddLight(const tinygltf::Light& light, const Affine& to_world) {
-    if (light.type != "point" && light.type != "spot") return;
+    if (light.type != "point" && light.type != "spot") {
+      ++distant_lights_;
+      return;
+    }
+    spot_lights_ += light.type == "spot";
     auto channel = [&](size_t i) {
       return float((i < light.color.size() ? light.color[i] : 1.0) * light.intensity);
     };
     scene_.lights.push_back({ToFloat(to_world.t), {channel(0), channel(1), channel(2)}, true});
   }
 
-  std::string path_;
+  // --- Meshes
+
+  /// A primitive of triangles. Only its accessors are known yet: the data of each instance are read from
+  /// them.
+  struct Part {
+    int positions, normals = -1, uvs = -1, indices = -1;
+    int mode;
+    uint32_t material = 0;
+    uint64_t vertices = 0, corners = 0, triangles = 0;
+
+    /// Parts of the same key share their vertices.
+    std::array<int64_t, 4> Key(const GltfLookup* lookup) const {
+      // Each material's map makes coordinates of its own.
+      return {positions, normals, uvs, uvs >= 0 && lookup->mapped ? int64_t(material) : -1};
+    }
+  };
+  struct Mesh {
+    std::vector<Part> parts;
+    uint64_t vertices = 0, triangles = 0;
+  };
+
+  const GltfLookup* LookupOf(const Part& part) const {
+    return part.material < lookups_.size() ? &lookups_[part.material] : nullptr;
+  }
+
+  uint32_t MaterialOf(int material) {
+    if (material >= 0) {
+      At(model_.materials, material, "material");
+      return uint32_t(material);
+    }
+    // The specification's default material is a metal, and rough: nobody means it.
+    if (scene_.materials.size() == model_.materials.size()) scene_.materials.emplace_back().name = "default";
+    return uint32_t(model_.materials.size());
+  }
+
+  static int Attribute(const tinygltf::Primitive& primitive, const std::string& name) {
+    auto it = primitive.attributes.find(name);
+    return it == primitive.attributes.end() ? -1 : it->second;
+  }
+
+  /// What an instance of a mesh consists of, with every accessor checked.
+  const Mesh& MeshOf(int index) {
+    auto [it, is_new] = meshes_.try_emplace(index);
+    Mesh& out = it->second;
+    if (!is_new) return out;
+    std::set<std::array<int64_t, 4>> keys;
+    const tinygltf::Mesh& mesh = At(model_.meshes, index, "mesh");
+    for (size_t i = 0; i < mesh.primitives.size(); ++i) {
+      const tinygltf::Primitive& p = mesh.primitives[i];
+      if (p.mode > TINYGLTF_MODE_TRIANGLE_FAN)
+        Fail(fmt::format("mesh {} has the primitive mode {}; allowed are 0 to 6", index, p.mode));
+      Part part;
+      part.mode = p.mode;
+      part.positions = Attribute(p, "POSITION");
+      morph_targets_ = morph_targets_ || !p.targets.empty();
+      if (p.mode < TINYGLTF_MODE_TRIANGLES) {
+        ++(p.mode == TINYGLTF_MODE_POINTS ? point_primitives_ : line_primitives_);
+        continue;
+      }
+      if (part.positions < 0) {  // the specification: to be left out
+        ++without_positions_;
+        continue;
+      }
+      part.vertices = accessors_.Check(part.positions, "POSITION", 3, position_types_);
+      part.corners = part.vertices;
+      if (p.indices >= 0) {
+        part.indices = p.indices;
+        part.corners = accessors_.Check(p.indices, "indices", 1,
+                                        kGltfUnsignedByte | kGltfUnsignedShort | kGltfUnsignedInt);
+      }
+      if (p.mode != TINYGLTF_MODE_TRIANGLES) {
+        part.triangles = part.corners < 3 ? 0 : part.corners - 2;
+      } else {
+        if (part.corners % 3 != 0 && !options_.drop_bad)
+          Fail(fmt::format("primitive {} of mesh {} has triangles of {} indices; a multiple of 3 is needed",
+                           i, index, part.corners));
+        part.triangles = part.corners / 3;
+      }
+      if (part.triangles == 0) continue;
+      part.material = MaterialOf(p.material);
+      auto shading = [&](const std::string& name, int components, GltfTypes types) {
+        const int accessor = Attribute(p, name);
+        if (accessor < 0) return -1;
+        const uint64_t count = accessors_.Check(accessor, name.c_str(), components, types);
+        if (count != part.vertices)
+          Fail(fmt::format("primitive {} of mesh {} has {} vertices, but {} of {}", i, index, part.vertices,
+                           count, name));
+        return accessor;
+      };
+      part.normals = shading("NORMAL", 3, kGltfFloat | kGltfBytes | kGltfShorts);
+      has_normals_ = has_normals_ || part.normals >= 0;
+      if (const GltfLookup* lookup = LookupOf(part); lookup != nullptr && lookup->texture >= 0) {
+        int32_t& texture = scene_.materials[part.material].base_color_texture;
+        texture = textures_.Load(lookup->texture);
+        if (texture >= 0) part.uvs = shading(fmt::format("TEXCOORD_{}", lookup->set), 2, uv_types_);
+        has_uvs_ = has_uvs_ || part.uvs >= 0;
+        if (texture >= 0 && part.uvs < 0) ++without_uvs_;
+      }
+      out.triangles += part.triangles;
+      if (keys.insert(part.Key(LookupOf(part))).second) out.vertices += part.vertices;
+      out.parts.push_back(part);
+    }
+    return out;
+  }
+
+  /// Counts everything before anything is filled, so that what cannot fit is refused at once.
+  void Prepare() {
+    uint64_t vertices = 0, triangles = 0;
+    std::vector<bool> used(model_.meshes.size());
+    for (const Instance& instance : instances_) {
+      const Mesh& mesh = MeshOf(instance.mesh);
+      vertices += mesh.vertices;
+      triangles += mesh.triangles;
+      if (used[size_t(instance.mesh)]) scene_.stats.shared_triangles += mesh.triangles;
+      used[size_t(instance.mesh)] = true;
+      if (vertices >= RAYBENCH_NONE || triangles >= RAYBENCH_NONE)
+        Fail(fmt::format("has {} or more vertices or triangles with all instances; fewer are needed",
+                         RAYBENCH_NONE));
+    }
+    unused_meshes_ = uint64_t(std::count(used.begin(), used.end(), false));
+    scene_.stats.instances = instances_.size();
+    scene_.stats.faces = triangles;
+    const uint64_t per_vertex = sizeof(Vec3f) * (has_normals_ ? 2 : 1) + (has_uvs_ ? sizeof(Vec2f) : 0);
+    RequireMemory(scene_.provenance.source, vertices * per_vertex + triangles * (3 + 2) * sizeof(uint32_t));
+    scene_.positions.reserve(vertices + 2);
+    if (has_normals_) scene_.normals.reserve(vertices);
+    if (has_uvs_) scene_.uvs.reserve(vertices);
+    scene_.triangles.reserve(triangles);
+    scene_.triangle_material.reserve(triangles);
+  }
+
+  void Fill() {
+    for (const Instance& instance : instances_) {
+      std::map<std::array<int64_t, 4>, uint32_t> first;  // where each key's vertices start
+      for (const Part& part : MeshOf(instance.mesh).parts) {
+        auto [it, is_new] = first.try_emplace(part.Key(LookupOf(part)), uint32_t(scene_.positions.size()));
+        if (is_new) AddVertices(part, instance);
+        AddTriangles(part, instance, it->second);
+        if (options_.progress)
+          options_.progress(double(scene_.triangles.size()) / double(scene_.stats.faces));
+      }
+    }
+  }
+
+  void AddVertices(const Part& part, const Instance& instance) {
+    const std::vector<std::array<float, 3>> positions =
+        accessors_.Floats<3>(part.positions, "POSITION", position_types_);
+    for (size_t i = 0; i < positions.size(); ++i) {
+      const std::array<float, 3>& p = positions[i];
+      const Vec3f at = ToFloat(instance.to_world.Point({p[0], p[1], p[2]}));
+      if (!(std::isfinite(at.x) && std::isfinite(at.y) && std::isfinite(at.z)) && !options_.drop_bad)
+        Fail(fmt::format("vertex {} of accessor {} (POSITION) is ({}, {}, {}){}; coordinates must be finite",
+                         i, part.positions, p[0], p[1], p[2],
+                         std::isfinite(p[0] + p[1] + p[2])
+                             ? fmt::format(", beyond float under node {}", instance.node)
+                             : ""));
+      scene_.positions.push_back(at);
+    }
+    if (part.normals >= 0) {
+      for (const std::array<float, 3>& n :
+           accessors_.Floats<3>(part.normals, "NORMAL", kGltfFloat | kGltfBytes | kGltfShorts))
+        scene_.normals.push_back(instance.to_world.Normal({n[0], n[1], n[2]}));
+    } else if (has_normals_) {
+      scene_.normals.resize(scene_.positions.size());
+    }
+    if (part.uvs >= 0) {
+      const GltfLookup& lookup = *LookupOf(part);
+      for (std::array<float, 2> uv : accessors_.Floats<2>(part.uvs, "TEXCOORD", uv_types_))
+        scene_.uvs.push_back(lookup(uv));
+    } else if (has_uvs_) {
+      scene_.uvs.resize(scene_.positions.size());
+    }
+  }
+
+  void AddTriangles(const Part& part, const Instance& instance, uint32_t first) {
+    std::vector<uint32_t> corners;
+    if (part.indices >= 0) {
+      corners = accessors_.Integers(part.indices, "indices");
+      for (size_t i = 0; i < corners.size(); ++i) {
+        if (corners[i] < part.vertices) {
+          corners[i] += first;
+        } else {
+          if (!options_.drop_bad)
+            Fail(fmt::format("element {} of accessor {} (indices) refers to vertex {}; allowed are 0 to {}",
+                             i, part.indices, corners[i], int64_t(part.vertices) - 1));
+          corners[i] = RAYBENCH_NONE;  // for Scene::Finish()
+        }
+      }
+    } else {
+      corners.resize(part.corners);
+      for (size_t i = 0; i < corners.size(); ++i) corners[i] = first + uint32_t(i);
+    }
+    const bool mirrors = instance.to_world.Mirrors();
+    auto add = [&](uint32_t a, uint32_t b, uint32_t c) {
+      if (mirrors) std::swap(b, c);
+      scene_.triangles.push_back({a, b, c});
+    };
+    const uint32_t* v = corners.data();
+    // In the order of glTF 2.0, 3.7.2.1.
+    for (size_t i = 0; i < part.triangles; ++i) {
+      if (part.mode == TINYGLTF_MODE_TRIANGLES)
+        add(v[3 * i], v[3 * i + 1], v[3 * i + 2]);
+      else if (part.mode == TINYGLTF_MODE_TRIANGLE_STRIP)
+        add(v[i], v[i + 1 + i % 2], v[i + 2 - i % 2]);
+      else
+        add(v[i + 1], v[i + 2], v[0]);
+    }
+    scene_.triangle_material.resize(scene_.triangles.size(), part.material);
+  }
+
+  /// What the file has and the scene has not.
+  void AddNotes() {
+    auto plural = [](uint64_t n, const char* one, const char* many) {
+      return fmt::format("{} {}", n, n == 1 ? one : many);
+    };
+    std::string moves;
+    auto add = [&](bool is_there, const char* what) {
+      if (is_there) moves += fmt::format("{}{}", moves.empty() ? "" : ", ", what);
+    };
+    const bool skinned = std::any_of(instances_.begin(), instances_.end(), [&](const Instance& instance) {
+      return model_.nodes[size_t(instance.node)].skin >= 0;
+    });
+    add(has_animations_, "animations");
+    add(skinned, "skins");
+    add(morph_targets_, "morph targets");
+    if (!moves.empty()) Note("not applied: " + moves + "; meshes are as stored");
+    std::string left;
+    auto leave = [&](uint64_t n, const char* one, const char* many) {
+      if (n > 0) left += (left.empty() ? "" : ", ") + plural(n, one, many);
+    };
+    leave(point_primitives_, "primitive of points", "primitives of points");
+    leave(line_primitives_, "primitive of lines", "primitives of lines");
+    leave(without_positions_, "primitive without positions", "primitives without positions");
+    leave(unused_meshes_, "mesh that no node of the scene uses", "meshes that no node of the scene uses");
+    leave(orthographic_cameras_, "orthographic camera", "orthographic cameras");
+    leave(distant_lights_, "directional light", "directional lights");
+    if (!left.empty()) Note("left out: " + left);
+    if (spot_lights_ > 0) Note("spot lights shine in all directions: " + std::to_string(spot_lights_));
+    if (without_uvs_ > 0)
+      Note(plural(without_uvs_, "primitive has", "primitives have") + " a texture but no coordinates for it");
+  }
+
   const LoadOptions& options_;
+  GltfContainer container_;
+  nlohmann::json images_;
+  bool has_animations_;
   tinygltf::Model model_;
+  int zero_view_ = -1;
   Scene scene_;
-  std::map<int, std::vector<Vec3f>> positions_;
-  std::map<int, std::vector<Triangles>> meshes_;
+  GltfAccessors accessors_{model_, zero_view_, container_};
+  GltfTextures textures_{model_, images_, container_, accessors_, scene_};
+  GltfTypes position_types_ = 0, uv_types_ = 0;
+  std::vector<GltfLookup> lookups_;  // by material
+  std::vector<Instance> instances_;
+  std::map<int, Mesh> meshes_;
+  bool has_normals_ = false, has_uvs_ = false, morph_targets_ = false;
+  uint64_t point_primitives_ = 0, line_primitives_ = 0, without_positions_ = 0, without_uvs_ = 0,
+           unused_meshes_ = 0, orthographic_cameras_ = 0, distant_lights_ = 0, spot_lights_ = 0;
 };
 
 }  // namespace

@@ -29,7 +29,9 @@ struct Material {
   Vec3f reflect{0, 0, 0};   ///< k_r: weight of the ideal mirror ray
   Vec3f transmit{0, 0, 0};  ///< k_t: weight of the refracted ray
   float ior = 1.5f;
-  int32_t base_color_texture = -1;  ///< index into Scene::textures, looked up at Scene::uvs; -1: none
+  /// Index into Scene::textures, looked up at Scene::uvs; -1: none. Its colour, from sRGB to linear,
+  /// multiplies diffuse, reflect and transmit.
+  int32_t base_color_texture = -1;
   float alpha = 1;                  ///< times the texture's alpha
   AlphaMode alpha_mode = AlphaMode::kOpaque;
   float alpha_cutoff = 0.5f;  ///< for AlphaMode::kMask

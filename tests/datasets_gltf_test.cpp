@@ -183,7 +183,7 @@ TEST_F(GltfTest, HierarchyAndInstances) {
   expect(2, {8, 2, 2});
   expect(5, {8, 0, 10});
   expect(6, {8, 2, 10});
-  EXPECT_EQ(scene.triangles[2], (Triangle{4, 5, 6}));
+  EXPECT_EQ(scene.triangles[2], (Triangle{4, 6, 5}));  // mirrored, so wound the other way: up as the first
 }
 
 TEST_F(GltfTest, TransformsAreRoundedOnce) {

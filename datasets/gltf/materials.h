@@ -1,0 +1,67 @@
+// Materials and textures of a glTF file, as raybench's scene has them.
+#pragma once
+
+#include <tiny_gltf.h>
+
+#include <cstdint>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "datasets/gltf/accessors.h"
+#include "datasets/gltf/container.h"
+#include "datasets/scene.h"
+
+namespace raybench {
+
+/// A number of an object in an extension; the fallback where it is missing or of another type.
+double GltfNumber(const tinygltf::Value& object, const char* key, double fallback);
+
+/// The same for an index: a number that is none becomes one that nothing has.
+int GltfIndex(const tinygltf::Value& object, const char* key, int fallback);
+
+/// A Whitted material that stands for metallic-roughness (or KHR_materials_pbrSpecularGlossiness): the
+/// smoother a metal, the more it is a mirror. KHR_materials_transmission and _ior are followed. Its texture
+/// is not set.
+Material GltfMaterial(const tinygltf::Material& material);
+
+/// Where a material looks up its base colour: a texture, a set of coordinates, and an affine map of them.
+struct GltfLookup {
+  int texture = -1;  ///< -1: none
+  int set = 0;       ///< TEXCOORD_0, ...
+  bool mapped = false;
+  double xx = 1, xy = 0, yx = 0, yy = 1, x = 0, y = 0;
+
+  Vec2f operator()(std::array<float, 2> uv) const {
+    if (!mapped) return {uv[0], uv[1]};
+    return {float(xx * uv[0] + xy * uv[1] + x), float(yx * uv[0] + yy * uv[1] + y)};
+  }
+};
+/// With KHR_texture_transform.
+GltfLookup GltfBaseColor(const tinygltf::Material& material);
+
+/// Puts textures into a scene, each once.
+class GltfTextures {
+ public:
+  /// `images` is the file's array of them; all arguments outlive this.
+  GltfTextures(const tinygltf::Model& model, const nlohmann::json& images, GltfContainer& container,
+               GltfAccessors& accessors, Scene& scene)
+      : model_(model), images_(images), container_(container), accessors_(accessors), scene_(scene) {}
+
+  /// The scene's index of the file's texture; -1, with a note, where it has no image or its file is not
+  /// there.
+  int32_t Load(int texture);
+
+ private:
+  const GltfResource& Image(int64_t index);
+
+  const tinygltf::Model& model_;
+  const nlohmann::json& images_;
+  GltfContainer& container_;
+  GltfAccessors& accessors_;
+  Scene& scene_;
+  std::map<int, int32_t> textures_;
+  std::map<int64_t, GltfResource> resources_;
+};
+
+}  // namespace raybench
