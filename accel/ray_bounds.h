@@ -24,10 +24,9 @@
 
 namespace raybench {
 
-/// The triangle's bounds, padded as above; at least by one ulp of each coordinate, since less would be
+/// The box from lo to hi, padded as above; at least by one ulp of each coordinate, since less would be
 /// rounded away.
-inline Bounds3 PaddedBounds(Vec3f p0, Vec3f p1, Vec3f p2) {
-  const Vec3f lo = Min(Min(p0, p1), p2), hi = Max(Max(p0, p1), p2);
+inline Bounds3 PaddedBounds(Vec3f lo, Vec3f hi) {
   const Vec3f e = hi - lo;
   const float pad = std::max(e.x, std::max(e.y, e.z)) * 0x1p-21f;
   Bounds3 b;
@@ -36,6 +35,11 @@ inline Bounds3 PaddedBounds(Vec3f p0, Vec3f p1, Vec3f p2) {
     b.hi[a] = hi[a] + std::max(pad, std::fabs(hi[a]) * 0x1p-23f);
   }
   return b;
+}
+
+/// The triangle's bounds, padded.
+inline Bounds3 PaddedBounds(Vec3f p0, Vec3f p1, Vec3f p2) {
+  return PaddedBounds(Min(Min(p0, p1), p2), Max(Max(p0, p1), p2));
 }
 
 /// What builders must enclose so that conservative traversal finds the primitive. Procedural primitives bring

@@ -89,6 +89,31 @@ class FastTest {
   Vec3f org_, dir_;
 };
 
+/// The map into the space where the ray is the z axis (Woop, Benthin, Wald 2013): axes permuted, then
+/// sheared. The same vertex gives the same point there for every primitive it belongs to.
+struct RayShear {
+  Vec3f org;
+  int kx, ky, kz;    ///< kz: the ray's main axis
+  float sx, sy, sz;  ///< sz: from the main axis to t
+
+  explicit RayShear(const rb_ray& ray) : org(LoadVec3(ray.org)) {
+    const Vec3f d = LoadVec3(ray.dir);
+    const float ax = std::fabs(d.x), ay = std::fabs(d.y), az = std::fabs(d.z);
+    kz = ax > ay ? (ax > az ? 0 : 2) : (ay > az ? 1 : 2);
+    kx = kz == 2 ? 0 : kz + 1;
+    ky = kx == 2 ? 0 : kx + 1;
+    sx = d[kx] / d[kz], sy = d[ky] / d[kz], sz = 1 / d[kz];
+  }
+
+  /// From a vertex's coordinates on the axes kx, ky, kz; z stays along the main axis, relative to the origin.
+  template <class F>
+  void Apply(F px, F py, F pz, F& x, F& y, F& z) const {
+    z = pz - org[kz];
+    x = (px - org[kx]) - sx * z;
+    y = (py - org[ky]) - sy * z;
+  }
+};
+
 /// Woop, Benthin, Wald (2013): vertices are sheared into a space where the ray is the z axis; the signs of
 /// the edge functions, the same two products for both triangles at an edge, are exact given the sheared
 /// vertices: a non-zero difference of rounded products has the right sign, a zero one is computed again in
@@ -98,14 +123,7 @@ class WatertightTest {
   static constexpr Numerics kNumerics = Numerics::kWatertight;
   static constexpr bool kConservative = true;
 
-  explicit WatertightTest(const rb_ray& ray) : org_(LoadVec3(ray.org)) {
-    const Vec3f d = LoadVec3(ray.dir);
-    const float ax = std::fabs(d.x), ay = std::fabs(d.y), az = std::fabs(d.z);
-    kz_ = ax > ay ? (ax > az ? 0 : 2) : (ay > az ? 1 : 2);
-    kx_ = kz_ == 2 ? 0 : kz_ + 1;
-    ky_ = kx_ == 2 ? 0 : kx_ + 1;
-    sx_ = d[kx_] / d[kz_], sy_ = d[ky_] / d[kz_], sz_ = 1 / d[kz_];
-  }
+  explicit WatertightTest(const rb_ray& ray) : shear_(ray) {}
 
   /// Bit i: triangle i may be hit.
   unsigned MayHit(Lanes v) const {
@@ -133,11 +151,8 @@ class WatertightTest {
   template <class F, class Get>
   Edges<F> Compute(Get p) const {
     Edges<F> e;
-    for (int i = 0; i < 3; ++i) {
-      e.z[i] = p(i, kz_) - org_[kz_];
-      e.x[i] = (p(i, kx_) - org_[kx_]) - sx_ * e.z[i];
-      e.y[i] = (p(i, ky_) - org_[ky_]) - sy_ * e.z[i];
-    }
+    for (int i = 0; i < 3; ++i)
+      shear_.Apply(p(i, shear_.kx), p(i, shear_.ky), p(i, shear_.kz), e.x[i], e.y[i], e.z[i]);
     e.u = e.x[2] * e.y[1] - e.y[2] * e.x[1];
     e.v = e.x[0] * e.y[2] - e.y[0] * e.x[2];
     e.w = e.x[1] * e.y[0] - e.y[1] * e.x[0];
@@ -158,14 +173,13 @@ class WatertightTest {
     if ((e.u < 0 || e.v < 0 || e.w < 0) && (e.u > 0 || e.v > 0 || e.w > 0)) return false;
     const F det = e.u + e.v + e.w;
     if (det == 0) return false;
-    hit = {float((e.u * F(sz_ * z[0]) + e.v * F(sz_ * z[1]) + e.w * F(sz_ * z[2])) / det), float(e.v / det),
+    const float sz = shear_.sz;
+    hit = {float((e.u * F(sz * z[0]) + e.v * F(sz * z[1]) + e.w * F(sz * z[2])) / det), float(e.v / det),
            float(e.w / det)};
     return true;
   }
 
-  Vec3f org_;
-  int kx_, ky_, kz_;
-  float sx_, sy_, sz_;
+  RayShear shear_;
 };
 
 /// Calls fn.operator()<Test>() with the test that the parameter names.

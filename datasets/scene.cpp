@@ -68,20 +68,6 @@ Vec3f Saturated(Vec3f v, int exponent) {
   return Min(Max(v, Vec3f{-kMaxFloat, -kMaxFloat, -kMaxFloat}), Vec3f{kMaxFloat, kMaxFloat, kMaxFloat});
 }
 
-float RoundedDown(double x) {
-  float f = float(x);
-  return f > x ? std::nextafter(f, -kInfinity) : f;
-}
-
-float RoundedUp(double x) { return -RoundedDown(-x); }
-
-Bounds3 BoundsOf(const Sphere& sphere) {
-  Vec3d center = ToDouble(sphere.center);
-  double r = sphere.radius;
-  return {{RoundedDown(center.x - r), RoundedDown(center.y - r), RoundedDown(center.z - r)},
-          {RoundedUp(center.x + r), RoundedUp(center.y + r), RoundedUp(center.z + r)}};
-}
-
 /// Three-quarter view from the front, above and to the right (y is up), just far enough to show the whole box
 /// in a square picture.
 Camera AutomaticCamera(const Bounds3& bounds) {
@@ -126,32 +112,37 @@ std::vector<PointLight> AutomaticLights(const Bounds3& bounds, const Camera& cam
   return {light(back + up * 1.2 - side * 0.7, 0.75f), light(back * 0.6 + up * 0.3 + side, 0.3f)};
 }
 
-void SphereBounds(const void* user, uint64_t i, float lo[3], float hi[3]) {
-  Bounds3 bounds = BoundsOf(static_cast<const Scene*>(user)->spheres[i]);
-  for (int k = 0; k < 3; ++k) lo[k] = bounds.lo[k], hi[k] = bounds.hi[k];
+/// Leaves out the primitives that `flaw` finds fault with, or refuses them.
+template <class Prim, class Flaw, class Fail>
+uint64_t KeepSound(std::vector<Prim>& prims, std::vector<uint32_t>& material, const char* kind,
+                   size_t materials, bool drop_bad, const Flaw& flaw, const Fail& fail) {
+  size_t kept = 0;
+  for (size_t i = 0; i < prims.size(); ++i) {
+    if (material[i] >= materials)
+      fail(fmt::format("{} {} has material {}; there are {}", kind, i, material[i], materials));
+    if (const std::string what = flaw(prims[i]); !what.empty()) {
+      if (!drop_bad) fail(fmt::format("{} {} {}", kind, i, what));
+      continue;
+    }
+    prims[kept] = prims[i], material[kept++] = material[i];
+  }
+  const uint64_t dropped = prims.size() - kept;
+  prims.resize(kept), material.resize(kept);
+  return dropped;
 }
 
-/// In double, with the discriminant from the distance of the centre to the line and the roots from the
-/// product form, so that neither small far spheres nor large near ones cancel (Hearn and Baker 2004; Haines
-/// et al. 2019). Spheres carry no surface parameters: u = v = 0.
-int IntersectSphere(const void* user, uint64_t i, uint32_t /*numerics*/, const rb_ray* ray, rb_hit* hit) {
-  const Sphere& sphere = static_cast<const Scene*>(user)->spheres[i];
-  Vec3d d = ToDouble(LoadVec3(ray->dir)), f = ToDouble(LoadVec3(ray->org)) - ToDouble(sphere.center);
-  double r2 = double(sphere.radius) * sphere.radius, a = Dot(d, d), b = -Dot(f, d);
-  Vec3d nearest = f + d * (b / a);
-  double discriminant = r2 - Dot(nearest, nearest);
-  if (!(discriminant >= 0)) return 0;
-  double q = b + std::copysign(std::sqrt(a * discriminant), b);
-  double t0 = q / a, t1 = q == 0 ? t0 : (Dot(f, f) - r2) / q;
-  if (t0 > t1) std::swap(t0, t1);
-  for (double root : {t0, t1}) {
-    float t = float(root);
-    if (t > ray->tnear && t <= ray->tfar && t < kInfinity) {
-      hit->t = t, hit->u = 0, hit->v = 0;
-      return 1;
-    }
-  }
-  return 0;
+/// Times 2^exponent; false if a bit would be lost.
+bool Rescale(Sphere& s, int exponent) {
+  bool exact = true;
+  s = {Scaled(s.center, exponent, exact), Scaled(s.radius, exponent, exact)};
+  return exact;
+}
+
+bool Rescale(Cone& c, int exponent) {
+  bool exact = true;
+  c = {Scaled(c.base, exponent, exact), Scaled(c.base_radius, exponent, exact),
+       Scaled(c.apex, exponent, exact), Scaled(c.apex_radius, exponent, exact)};
+  return exact;
 }
 
 }  // namespace
@@ -163,12 +154,15 @@ void Scene::Finish(bool drop_bad) {
   if (materials.empty()) materials.emplace_back().name = "default";
   if (triangle_material.empty()) triangle_material.resize(triangles.size());
   if (sphere_material.empty()) sphere_material.resize(spheres.size());
+  if (cone_material.empty()) cone_material.resize(cones.size());
+  if (polygon_material.empty()) polygon_material.resize(polygons.size());
   if (triangle_face.empty()) {
     triangle_face.resize(triangles.size());
     std::iota(triangle_face.begin(), triangle_face.end(), 0u);
   }
   if (triangle_material.size() != triangles.size() || triangle_face.size() != triangles.size() ||
-      sphere_material.size() != spheres.size())
+      sphere_material.size() != spheres.size() || cone_material.size() != cones.size() ||
+      polygon_material.size() != polygons.size())
     throw std::logic_error("Scene::Finish: one material and one face id is needed for each primitive");
   if ((!normals.empty() && normals.size() != positions.size()) ||
       (!uvs.empty() && uvs.size() != positions.size()))
@@ -190,6 +184,14 @@ void Scene::Finish(bool drop_bad) {
   hash.Add(positions.data(), positions.size() * sizeof(Vec3f));
   hash.Add(triangles.data(), triangles.size() * sizeof triangles[0]);
   hash.Add(spheres.data(), spheres.size() * sizeof(Sphere));
+  if (!cones.empty() || !polygons.empty()) {
+    hash.AddValue(uint64_t{cones.size()});
+    hash.AddValue(uint64_t{polygons.size()});
+    hash.AddValue(uint64_t{polygon_vertices.size()});
+    hash.Add(cones.data(), cones.size() * sizeof(Cone));
+    hash.Add(polygons.data(), polygons.size() * sizeof(Polygon));
+    hash.Add(polygon_vertices.data(), polygon_vertices.size() * sizeof(uint32_t));
+  }
   hash_ = hash.Hex();
 
   // Triangles: 0 stays, 1 is bad, 2 is degenerate.
@@ -227,21 +229,7 @@ void Scene::Finish(bool drop_bad) {
   }
   triangles.resize(kept), triangle_material.resize(kept), triangle_face.resize(kept);
 
-  kept = 0;
-  for (size_t i = 0; i < spheres.size(); ++i) {
-    const Sphere& s = spheres[i];
-    if (sphere_material[i] >= materials.size())
-      fail(fmt::format("sphere {} has material {}; there are {}", i, sphere_material[i], materials.size()));
-    if (!IsFinite(s.center) || !(s.radius > 0) || !(double(MaxAbs(s.center)) + s.radius <= kMaxFloat)) {
-      if (!drop_bad)
-        fail(fmt::format("sphere {} has centre {} and radius {}; it must be finite and larger than 0", i,
-                         Text(s.center), s.radius));
-      ++stats.dropped_triangles;
-      continue;
-    }
-    spheres[kept] = s, sphere_material[kept++] = sphere_material[i];
-  }
-  spheres.resize(kept), sphere_material.resize(kept);
+  FinishProcedurals(drop_bad);
 
   auto finite_or_zero = [&](auto& items, const auto& is_finite, const char* what) {
     size_t bad = 0;
@@ -254,10 +242,12 @@ void Scene::Finish(bool drop_bad) {
   finite_or_zero(
       uvs, [](Vec2f t) { return std::isfinite(t.u) && std::isfinite(t.v); }, "texture coordinates");
 
-  // Vertices that no triangle uses must not decide about bounds and scale; at 0 they are in anybody's range.
+  // Vertices that no primitive uses must not decide about bounds and scale; at 0 they are in anybody's range.
   std::vector<uint8_t> used(positions.size());
   for (const std::array<uint32_t, 3>& t : triangles)
     for (uint32_t v : t) used[v] = 1;
+  for (const Polygon& p : polygons)
+    for (uint32_t v : CornersOf(p)) used[v] = 1;
   for (size_t i = 0; i < positions.size(); ++i)
     if (!used[i]) positions[i] = {0, 0, 0};
 
@@ -268,7 +258,8 @@ void Scene::Finish(bool drop_bad) {
         return m;
       },
       [](double a, double b) { return std::max(a, b); });
-  for (const Sphere& s : spheres) largest = std::max(largest, double(MaxAbs(s.center)) + s.radius);
+  for (const Sphere& s : spheres) largest = std::max(largest, Reach(s));
+  for (const Cone& c : cones) largest = std::max(largest, Reach(c));
 
   for (size_t i = 0; i < cameras.size(); ++i) {
     const Camera& c = cameras[i];
@@ -297,15 +288,13 @@ void Scene::Finish(bool drop_bad) {
       fail(fmt::format(
           "vertex {} is {}, too small beside the largest coordinate {} to be rescaled without loss", i,
           Text(positions[i]), largest));
-    for (size_t i = 0; i < spheres.size(); ++i) {
-      bool exact = true;
-      Sphere scaled{Scaled(spheres[i].center, exponent, exact), Scaled(spheres[i].radius, exponent, exact)};
-      if (!exact)
-        fail(
-            fmt::format("sphere {} is too small beside the largest coordinate {} to be rescaled without loss",
-                        i, largest));
-      spheres[i] = scaled;
-    }
+    const auto rescale_all = [&](auto& prims, const char* kind) {
+      for (size_t i = 0; i < prims.size(); ++i)
+        if (!Rescale(prims[i], exponent))
+          fail(fmt::format("{} {} is too small beside the largest coordinate {} to be rescaled without loss",
+                           kind, i, largest));
+    };
+    rescale_all(spheres, "sphere"), rescale_all(cones, "cone");
     for (Camera& c : cameras) c.eye = Saturated(c.eye, exponent), c.at = Saturated(c.at, exponent);
     for (PointLight& l : lights) {
       l.position = Saturated(l.position, exponent);
@@ -322,7 +311,10 @@ void Scene::Finish(bool drop_bad) {
         return b;
       },
       [](Bounds3 a, const Bounds3& b) { return a.Extend(b), a; });
-  for (const Sphere& s : spheres) bounds_.Extend(BoundsOf(s));
+  polygon_planes_.resize(polygons.size());
+  ForEach(polygons.size(),
+          [&](size_t i) { polygon_planes_[i] = PlaneOf(positions, CornersOf(polygons[i])); });
+  for (uint64_t i = 0; i < procedural_count(); ++i) bounds_.Extend(ProceduralBounds(i));
 
   if (cameras.empty()) {
     cameras.push_back(AutomaticCamera(bounds_));
@@ -338,6 +330,33 @@ void Scene::Finish(bool drop_bad) {
   std::memset(static_cast<void*>(positions.data() + positions.size()), 0, 2 * sizeof(Vec3f));
 }
 
+void Scene::FinishProcedurals(bool drop_bad) {
+  const auto fail = [&](const std::string& what) { throw InputError(provenance.source + ": " + what); };
+  const auto keep = [&](auto& prims, std::vector<uint32_t>& material, const char* kind, const auto& flaw) {
+    stats.dropped_triangles += KeepSound(prims, material, kind, materials.size(), drop_bad, flaw, fail);
+  };
+  keep(spheres, sphere_material, "sphere", [](const Sphere& s) { return Flaw(s); });
+  keep(cones, cone_material, "cone", [](const Cone& c) { return Flaw(c); });
+  keep(polygons, polygon_material, "polygon", [&](const Polygon& p) -> std::string {
+    if (p.count < 3) return fmt::format("has {} corners; at least 3 are needed", p.count);
+    if (p.first > polygon_vertices.size() || p.count > polygon_vertices.size() - p.first)
+      return fmt::format("has corners {} to {} of {}", p.first, uint64_t{p.first} + p.count - 1,
+                         polygon_vertices.size());
+    for (uint32_t v : CornersOf(p))
+      if (v >= positions.size() || !IsFinite(positions[v]))
+        return fmt::format("refers to vertex {}; allowed are finite ones, 0 to {}", v,
+                           int64_t(positions.size()) - 1);
+    return {};
+  });
+  size_t kept = 0;
+  for (size_t i = 0; i < polygons.size(); ++i) {
+    if (PlaneOf(positions, CornersOf(polygons[i])).normal == Vec3d{0, 0, 0}) continue;
+    polygons[kept] = polygons[i], polygon_material[kept++] = polygon_material[i];
+  }
+  stats.degenerate_triangles += polygons.size() - kept;
+  polygons.resize(kept), polygon_material.resize(kept);
+}
+
 rb_geometry Scene::Geometry() const {
   if (positions.capacity() < positions.size() + 2)
     throw std::logic_error("Scene::Geometry: Finish() has not run on this scene (or on this copy of it)");
@@ -347,17 +366,64 @@ rb_geometry Scene::Geometry() const {
   g.vertex_count = positions.size();
   g.triangles = reinterpret_cast<const uint32_t(*)[3]>(triangles.data());
   g.triangle_count = triangles.size();
-  g.procedural_count = spheres.size();
-  g.procedural_bounds = SphereBounds;
-  g.procedural_intersect = IntersectSphere;
+  g.procedural_count = procedural_count();
+  g.procedural_bounds = [](const void* user, uint64_t i, float lo[3], float hi[3]) {
+    const Bounds3 bounds = static_cast<const Scene*>(user)->ProceduralBounds(i);
+    for (int k = 0; k < 3; ++k) lo[k] = bounds.lo[k], hi[k] = bounds.hi[k];
+  };
+  g.procedural_intersect = [](const void* user, uint64_t i, uint32_t /*numerics*/, const rb_ray* ray,
+                              rb_hit* hit) -> int {
+    // No surface parameters.
+    hit->u = hit->v = 0;
+    return static_cast<const Scene*>(user)->IntersectProcedural(i, *ray, hit->t);
+  };
   g.procedural_user = this;
   return g;
 }
 
+Scene::Place Scene::Locate(uint32_t prim) const {
+  uint64_t i = prim;
+  if (i < triangles.size()) return {PrimKind::kTriangle, uint32_t(i)};
+  if ((i -= triangles.size()) < spheres.size()) return {PrimKind::kSphere, uint32_t(i)};
+  if ((i -= spheres.size()) < cones.size()) return {PrimKind::kCone, uint32_t(i)};
+  return {PrimKind::kPolygon, uint32_t(i - cones.size())};
+}
+
+Bounds3 Scene::ProceduralBounds(uint64_t i) const {
+  if (i < spheres.size()) return BoundsOf(spheres[i]);
+  if ((i -= spheres.size()) < cones.size()) return BoundsOf(cones[i]);
+  return polygon_planes_[i - cones.size()].bounds;
+}
+
+bool Scene::IntersectProcedural(uint64_t i, const rb_ray& ray, float& t) const {
+  if (i < spheres.size()) return Intersect(spheres[i], ray, t);
+  if ((i -= spheres.size()) < cones.size()) return Intersect(cones[i], ray, t);
+  i -= cones.size();
+  return Intersect(polygon_planes_[i], positions, CornersOf(polygons[i]), ray, t);
+}
+
+uint32_t Scene::MaterialOf(uint32_t prim) const {
+  const auto [kind, i] = Locate(prim);
+  switch (kind) {
+    case PrimKind::kTriangle:
+      return triangle_material[i];
+    case PrimKind::kSphere:
+      return sphere_material[i];
+    case PrimKind::kCone:
+      return cone_material[i];
+    case PrimKind::kPolygon:
+      break;
+  }
+  return polygon_material[i];
+}
+
 Vec3d Scene::GeometricNormal(uint32_t prim, Vec3d point) const {
-  if (prim >= triangles.size()) return point - ToDouble(spheres[prim - triangles.size()].center);
-  const std::array<uint32_t, 3>& t = triangles[prim];
-  Vec3d a = ToDouble(positions[t[0]]);
+  const auto [kind, i] = Locate(prim);
+  if (kind == PrimKind::kSphere) return NormalAt(spheres[i], point);
+  if (kind == PrimKind::kCone) return NormalAt(cones[i], point);
+  if (kind == PrimKind::kPolygon) return polygon_planes_[i].normal;
+  const std::array<uint32_t, 3>& t = triangles[i];
+  const Vec3d a = ToDouble(positions[t[0]]);
   return Cross(ToDouble(positions[t[1]]) - a, ToDouble(positions[t[2]]) - a);
 }
 

@@ -6,12 +6,14 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "accel/parameters.h"
 #include "accel/raybench.h"
 #include "accel/vec3.h"
+#include "datasets/procedural.h"
 #include "datasets/texture.h"
 
 namespace raybench {
@@ -32,7 +34,7 @@ struct Material {
   /// Index into Scene::textures, looked up at Scene::uvs; -1: none. Its colour, from sRGB to linear,
   /// multiplies diffuse, reflect and transmit.
   int32_t base_color_texture = -1;
-  float alpha = 1;                  ///< times the texture's alpha
+  float alpha = 1;  ///< times the texture's alpha
   AlphaMode alpha_mode = AlphaMode::kOpaque;
   float alpha_cutoff = 0.5f;  ///< for AlphaMode::kMask
 };
@@ -50,12 +52,6 @@ struct Camera {
   float tan_half_fov = 0.5f;
 };
 
-/// Procedural sphere; its primitive id is triangle_count + its index.
-struct Sphere {
-  Vec3f center;
-  float radius;
-};
-
 /// Where a scene came from, for run.json and `raybench list`.
 struct Provenance {
   std::string source;   ///< file path, package and member, or generator with its parameters
@@ -65,14 +61,19 @@ struct Provenance {
 
 /// What loading noticed; every figure is reported.
 struct LoadStats {
-  uint64_t faces = 0;                 ///< polygons in the file, before triangulation
-  uint64_t degenerate_triangles = 0;  ///< exactly collinear, left out (exact predicate)
-  uint64_t dropped_triangles = 0;     ///< non-finite or out-of-range, left out because the caller asked to
-  uint64_t crossed_faces = 0;         ///< polygons that cross themselves: fans, which need not cover them
-  uint64_t instances = 0;             ///< mesh nodes flattened
-  uint64_t shared_triangles = 0;      ///< triangles that instancing would have shared
-  std::vector<std::string> notes;     ///< what the file has and the scene has not, a line each, for the user
+  uint64_t faces = 0;  ///< polygons in the file, before triangulation
+  /// Exactly collinear triangles (exact predicate) and polygons without area, left out.
+  uint64_t degenerate_triangles = 0;
+  /// Primitives that are not finite, refer to no vertex or have no size, left out because the caller asked
+  /// to.
+  uint64_t dropped_triangles = 0;
+  uint64_t crossed_faces = 0;      ///< polygons that cross themselves: fans, which need not cover them
+  uint64_t instances = 0;          ///< mesh nodes flattened
+  uint64_t shared_triangles = 0;   ///< triangles that instancing would have shared
+  std::vector<std::string> notes;  ///< what the file has and the scene has not, a line each, for the user
 };
+
+enum class PrimKind : uint8_t { kTriangle, kSphere, kCone, kPolygon };
 
 /// Immutable once Finish() has run. Positions are the file's float32 values times 2^scale_exponent.
 class Scene {
@@ -89,7 +90,12 @@ class Scene {
   std::vector<uint32_t> triangle_face;      ///< the file's face id of each triangle (0-based, in file order)
   std::vector<Sphere> spheres;
   std::vector<uint32_t> sphere_material;
-  std::vector<Material> materials;  ///< at least one after Finish()
+  std::vector<Cone> cones;
+  std::vector<uint32_t> cone_material;
+  std::vector<Polygon> polygons;
+  std::vector<uint32_t> polygon_material;
+  std::vector<uint32_t> polygon_vertices;  ///< indices of positions, in runs that the polygons name
+  std::vector<Material> materials;         ///< at least one after Finish()
   std::vector<Texture> textures;
   std::vector<PointLight> lights;  ///< at least one after Finish()
   std::vector<Camera> cameras;     ///< at least one after Finish(); the first is used
@@ -99,28 +105,46 @@ class Scene {
   bool automatic_camera = false, automatic_lights = false;  ///< set by Finish() when it had to invent them
 
   /// Brings a freshly filled scene into the state the contract promises: checks vertices (finite) and
-  /// indices, leaves out exactly degenerate triangles, rescales by a power of two if max |coordinate| lies
-  /// outside [2^-30, 2^30], adds a camera and lights where there are none, computes bounds and hash. With
-  /// `drop_bad` bad triangles are left out and counted instead of throwing. Shading normals that are not
-  /// finite become (0, 0, 0), such texture coordinates (0, 0), with a note. Throws InputError naming
-  /// `provenance.source` and the vertex or face.
+  /// indices, leaves out exactly degenerate triangles and polygons without area, rescales by a power of two
+  /// if max |coordinate| lies outside [2^-30, 2^30], adds a camera and lights where there are none, computes
+  /// bounds and hash. With `drop_bad` bad primitives are left out and counted instead of throwing. Shading
+  /// normals that are not finite become (0, 0, 0), such texture coordinates (0, 0), with a note. Throws
+  /// InputError naming `provenance.source` and the vertex or face.
   void Finish(bool drop_bad = false);
 
   /// View for structures; valid while the scene lives and is not moved.
   rb_geometry Geometry() const;
-  uint64_t primitive_count() const { return triangles.size() + spheres.size(); }
+  /// Primitive ids: triangles, then spheres, cones, polygons.
+  uint64_t primitive_count() const { return triangles.size() + procedural_count(); }
+  uint64_t procedural_count() const { return spheres.size() + cones.size() + polygons.size(); }
+  struct Place {
+    PrimKind kind;
+    uint32_t index;  ///< in the array of that kind
+  };
+  Place Locate(uint32_t prim) const;
   const Bounds3& bounds() const { return bounds_; }
-  /// Names the geometry, 16 hex digits: Hash64 over the numbers of positions, triangles and procedural
-  /// primitives (uint64 each), then the three arrays, as they were before Finish(): with what it left out and
+  /// Names the geometry, 16 hex digits: Hash64 over the numbers of positions, triangles and spheres (uint64
+  /// each), then the three arrays; where there are cones or polygons, over the numbers of cones, polygons and
+  /// polygon_vertices and these arrays too. All as they were before Finish(): with what it left out and
   /// without its scale. tracer/RAYS.md has the algorithm for programs outside.
   const std::string& hash() const { return hash_; }
-  uint32_t MaterialOf(uint32_t prim) const {
-    return prim < triangles.size() ? triangle_material[prim] : sphere_material[prim - triangles.size()];
-  }
-  /// Geometric normal of a primitive at a point, not normalised, in double (spheres: outward).
+  /// Index into `materials`.
+  uint32_t MaterialOf(uint32_t prim) const;
+  /// Geometric normal of a primitive at a point of it, not normalised, in double. Spheres and cones: outward,
+  /// whatever the sign of the radius; zero at a cone's apex.
   Vec3d GeometricNormal(uint32_t prim, Vec3d point) const;
+  /// The indices of a polygon's corners.
+  std::span<const uint32_t> CornersOf(const Polygon& polygon) const {
+    return std::span(polygon_vertices).subspan(polygon.first, polygon.count);
+  }
+  const PolygonPlane& PlaneOfPolygon(uint32_t index) const { return polygon_planes_[index]; }
 
  private:
+  void FinishProcedurals(bool drop_bad);
+  Bounds3 ProceduralBounds(uint64_t i) const;
+  bool IntersectProcedural(uint64_t i, const rb_ray& ray, float& t) const;
+
+  std::vector<PolygonPlane> polygon_planes_;
   Bounds3 bounds_;
   std::string hash_;
 };

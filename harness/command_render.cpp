@@ -77,7 +77,7 @@ int RenderCommand(const Registry& registry, const RenderOptions& options) {
   load.drop_bad = options.drop_bad;
   const Scene scene = LoadWithProgress(options.scene, load);
   if (heat) return RenderHeat(registry, scene, *heat);
-  if (!scene.spheres.empty() && (contestant.structure->capabilities & RB_CAN_PROCEDURAL) == 0) {
+  if (scene.procedural_count() > 0 && (contestant.structure->capabilities & RB_CAN_PROCEDURAL) == 0) {
     throw InputError(
         fmt::format("structure '{}' takes triangles only, but scene '{}' has procedural primitives",
                     contestant.structure->name, options.scene));

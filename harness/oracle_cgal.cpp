@@ -300,7 +300,7 @@ class CgalOracle final : public JudgingOracle {
 }  // namespace
 
 std::unique_ptr<Oracle> MakeCgalOracle(const Scene& scene) {
-  if (!scene.spheres.empty()) return nullptr;
+  if (scene.procedural_count() > 0) return nullptr;
   return std::make_unique<CgalOracle>(scene);
 }
 

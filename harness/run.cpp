@@ -135,7 +135,7 @@ class Run {
       ray_set_facts_.push_back(Json::array());
       oracles_.push_back(nullptr);
       progress_.Say(fmt::format(
-          "{}: {} triangles, {} procedural primitives{}", name, scene.triangles.size(), scene.spheres.size(),
+          "{}: {} triangles, {} procedural primitives{}", name, scene.triangles.size(), scene.procedural_count(),
           scene.stats.degenerate_triangles == 0
               ? std::string()
               : fmt::format("; {} degenerate triangles left out", scene.stats.degenerate_triangles)));
@@ -309,7 +309,7 @@ class Run {
       key.params = contestant.Params();
       key.seed = options_.seed;
       std::string skip;
-      if (!scene().spheres.empty() && (contestant.structure->capabilities & RB_CAN_PROCEDURAL) == 0) {
+      if (scene().procedural_count() > 0 && (contestant.structure->capabilities & RB_CAN_PROCEDURAL) == 0) {
         skip = "the scene has procedural primitives and the structure takes triangles only";
       }
       const auto plan = [&](const Case& c, size_t set, const std::string& why) {
@@ -611,7 +611,7 @@ class Run {
       scenes.push_back({{"scene", names_[i]},
                         {"hash", s.hash()},
                         {"triangles", s.triangles.size()},
-                        {"procedural", s.spheres.size()},
+                        {"procedural", s.procedural_count()},
                         {"source", s.provenance.source},
                         {"licence", s.provenance.licence},
                         {"package", s.provenance.package},

@@ -162,22 +162,6 @@ struct Sheared {
   }
 };
 
-/// Root 0 or 1 of a ray's meeting with a sphere. A float test finds the foot of the perpendicular from the
-/// centre to within 16u of the centre's distance, and so the half chord to within what that changes it by.
-Appraisal AppraiseSphere(const rb_ray& ray, const Sphere& sphere, int root) {
-  const Vec3d d = ToDouble(LoadVec3(ray.dir)), f = ToDouble(LoadVec3(ray.org)) - ToDouble(sphere.center);
-  const double length = Length(d), middle = -Dot(f, d) / (length * length), r = sphere.radius;
-  const double foot = Length(f + middle * d), shift = 16 * kU * (Length(f) + r);
-  const double chord = r * r - foot * foot, error = (2 * foot + shift) * shift + 16 * kU * r * r;
-  Appraisal result;
-  result.possible = chord >= -error;
-  result.grazing = chord <= error;
-  const auto half = [&](double square) { return std::sqrt(std::max(square, 0.0)) / length; };
-  result.t = root == 0 ? middle - half(chord) : middle + half(chord);
-  result.t_error = half(chord + error) - half(chord - error) + shift / length + 16 * kU * std::fabs(middle);
-  return result;
-}
-
 /// Rows over GF(2); true if `target` is a sum of `rows`.
 bool InSpan(std::vector<std::vector<uint64_t>> rows, std::vector<uint64_t> target) {
   for (size_t used = 0, bit = 0; bit < target.size() * 64; ++bit) {
@@ -314,15 +298,15 @@ Adjacency::Corners Adjacency::CornersOf(uint32_t triangle) const {
 }
 
 Appraisal JudgingOracle::Appraise(const rb_ray& ray, uint32_t prim, int root) const {
-  if (prim >= scene_.triangles.size())
-    return AppraiseSphere(ray, scene_.spheres[prim - scene_.triangles.size()], root);
+  if (prim >= scene_.triangles.size()) return AppraiseProcedural(scene_, ray, prim, root);
   return Sheared(ray, Points(scene_, prim)).Appraise();
 }
 
 Appraisal JudgingOracle::AppraiseAt(const rb_ray& ray, uint32_t prim, double t) const {
   const Appraisal first = Appraise(ray, prim, 0);
-  if (prim < scene_.triangles.size()) return first;
+  if (RootCount(scene_, prim) == 1) return first;
   const Appraisal second = Appraise(ray, prim, 1);
+  if (first.possible != second.possible) return first.possible ? first : second;
   return std::fabs(first.t - t) <= std::fabs(second.t - t) ? first : second;
 }
 
@@ -341,7 +325,8 @@ bool JudgingOracle::SharesVertex(uint32_t prim, const std::vector<uint32_t>& oth
 }
 
 bool JudgingOracle::AcceptedInPlane(const rb_ray& ray, const rb_hit& answer) const {
-  if (answer.prim >= scene_.triangles.size()) return false;
+  if (const auto [kind, i] = scene_.Locate(answer.prim); kind != PrimKind::kTriangle)
+    return kind == PrimKind::kPolygon && LiesInPolygon(scene_, ray, i, answer.t);
   const exact::Line line(ray);
   const exact::Corners p = Points(scene_, answer.prim);
   const double slack = EightUlp(answer.t);
@@ -356,8 +341,8 @@ JudgingOracle::Excuse JudgingOracle::Passed(const rb_ray& ray, const TrueHit& hi
     return hit.t - ray.tnear <= error || ray.tfar - hit.t <= error;
   };
   if (hit.prim >= scene_.triangles.size()) {
-    const Appraisal sphere = AppraiseAt(ray, hit.prim, hit.t);
-    return sphere.grazing || at_an_end(sphere.t_error) ? Excuse::kMarginal : Excuse::kPlain;
+    const Appraisal appraisal = AppraiseAt(ray, hit.prim, hit.t);
+    return appraisal.grazing || at_an_end(appraisal.t_error) ? Excuse::kMarginal : Excuse::kPlain;
   }
   const Patch patch = Surround(scene_, adjacency_, ray, hit.prim, hit.t);
   if (!patch.sealed || at_an_end(patch.t_error)) return Excuse::kMarginal;
@@ -429,7 +414,7 @@ Verdict JudgingOracle::JudgeAny(const rb_ray& ray, const Truth& truth, bool occl
                                       : Verdict::kFalseMissMarginal;
   }
   const bool near = ray.tnear < ray.tfar && AnyNear(ray, [&](uint32_t prim) {
-                      for (int root = 0; root < (prim < scene_.triangles.size() ? 1 : 2); ++root) {
+                      for (int root = 0; root < RootCount(scene_, prim); ++root) {
                         const Appraisal a = Appraise(ray, prim, root);
                         const double error = std::max(EightUlp(a.t), a.t_error);
                         if (a.possible && a.t + error > ray.tnear && a.t - error <= ray.tfar) return true;
@@ -501,7 +486,7 @@ void ParallelFor(size_t count, uint32_t threads, const std::function<void(size_t
 }
 
 std::unique_ptr<Oracle> MakeOracle(const Scene& scene) {
-  if (scene.spheres.empty())
+  if (scene.procedural_count() == 0)
     if (auto oracle = MakeCgalOracle(scene)) return oracle;
   return MakeDoubleOracle(scene);
 }

@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include "harness/margins.h"
 #include "harness/oracle.h"
 
 namespace raybench {
@@ -38,13 +39,6 @@ struct TrueHit {
   double t;
 };
 
-/// One ray against one primitive as float tests may see it.
-struct Appraisal {
-  bool possible = false;      ///< some rounding within the bound makes the ray meet it, at any t
-  bool grazing = false;       ///< sphere: some rounding within the bound makes the ray miss it
-  double t = 0, t_error = 0;  ///< a float test answers t +- t_error (or 8 ulp, whichever is more)
-};
-
 /// An oracle that can list true hits and near misses; judging follows from these.
 class JudgingOracle : public Oracle {
  public:
@@ -69,7 +63,7 @@ class JudgingOracle : public Oracle {
   Excuse Passed(const rb_ray& ray, const TrueHit& hit, const rb_hit* answer) const;
   /// The worst of all hits in front of the answer.
   Excuse PassedBefore(const rb_ray& ray, const rb_hit* answer) const;
-  /// `root`: 0 or 1, spheres only.
+  /// `root`: curved primitives only, see AppraiseProcedural().
   Appraisal Appraise(const rb_ray& ray, uint32_t prim, int root) const;
   /// The root nearer to t.
   Appraisal AppraiseAt(const rb_ray& ray, uint32_t prim, double t) const;

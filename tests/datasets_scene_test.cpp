@@ -150,7 +150,7 @@ TEST(FinishTest, DropsBadTrianglesWhenAsked) {
   scene.positions.push_back({0, INFINITY, 0});
   scene.triangles.push_back({0, 1, 4});
   scene.triangles.push_back({0, 1, 99});
-  scene.spheres = {{{0, 0, 0}, -1}};
+  scene.spheres = {{{0, 0, 0}, 0}};
   scene.Finish(true);
   EXPECT_EQ(scene.triangles.size(), 4u);
   EXPECT_EQ(scene.spheres.size(), 0u);

@@ -166,5 +166,98 @@ TEST(TracerSurface, RaysLeaveSpheresOnEitherSide) {
   }
 }
 
+/// Rays at the primitive from a shell around it, from inside too; after each hit one ray away from the
+/// surface on either side. `convex`: no such ray outside may come back.
+void ExpectNoSelfHits(const Scene& scene, double scale, bool convex, uint64_t seed) {
+  const Tree tree = BuildTree(scene);
+  const Bounds3 box = scene.bounds();
+  const Vec3d center = (ToDouble(box.lo) + ToDouble(box.hi)) * 0.5;
+  uint64_t hits = 0;
+  for (uint64_t i = 0; i < 4000; ++i) {
+    Random random(seed, i);
+    const Vec3f org = ToFloat(center + random.UnitVector() * (scale * (i % 2 ? 3.0 : 0.3)));
+    const Vec3d target = center + random.UnitVector() * (scale * random.NextDouble());
+    const rb_ray arriving = RayFrom(org, target - ToDouble(org));
+    if (!IsValidRay(arriving)) continue;
+    rb_hit hit;
+    rb_query query{};
+    query.struct_size = sizeof query, query.n = 1, query.rays = &arriving, query.hits = &hit;
+    tree.Query(query);
+    if (hit.prim == RAYBENCH_NONE) continue;
+    ++hits;
+    const SurfacePoint surface = SurfaceAt(scene, arriving, hit);
+    ASSERT_NEAR(Length(surface.normal), 1, 1e-12);
+    const Vec3d expected = testing::Org(arriving) + testing::Dir(arriving) * double(hit.t);
+    ASSERT_LT(Length(surface.point - expected),
+              1e-6 * (Length(expected) + Length(testing::Org(arriving)) + scale))
+        << i;
+    ASSERT_GT(std::abs(Dot(Normalize(scene.GeometricNormal(0, surface.point)), surface.normal)), 1 - 1e-9)
+        << i;
+    for (double side : {1.0, -1.0}) {
+      // Hardly above the surface up to straight away.
+      Vec3d dir = random.UnitVector();
+      dir = dir - surface.normal * Dot(dir, surface.normal);
+      dir = Normalize(dir) + surface.normal * (side * std::ldexp(1.0, -int(random.Below(12))));
+      const rb_ray away = RayFrom(surface.Origin(side), dir);
+      query.rays = &away;
+      tree.Query(query);
+      if (convex && side > 0) {
+        ASSERT_EQ(hit.prim, RAYBENCH_NONE) << "self-hit at t " << hit.t << ", ray " << i;
+      } else if (hit.prim != RAYBENCH_NONE && !convex) {
+        ADD_FAILURE() << "a flat primitive hit itself at t " << hit.t << ", ray " << i;
+      } else if (hit.prim != RAYBENCH_NONE) {
+        // The far side, not the near one: the chord is as long as the angle makes it.
+        ASSERT_GT(hit.t * Length(dir), scale * 1e-5) << i;
+      }
+    }
+  }
+  EXPECT_GT(hits, 300u);
+}
+
+TEST(TracerSurface, RaysLeaveCones) {
+  for (double scale : {1e-3, 1.0, 1e3})
+    for (double distance : {0.0, 10.0, 1e3})
+      for (const auto& [r0, r1] : {std::pair{0.8, 0.8}, {0.5, 1.0}, {1.0, 0.0}}) {
+        Random random(6, uint64_t(distance));
+        const Vec3d center = random.UnitVector() * (scale * distance),
+                    half = random.UnitVector() * (0.8 * scale);
+        Scene scene;
+        scene.cones.push_back(
+            {ToFloat(center - half), float(r0 * scale), ToFloat(center + half), float(r1 * scale)});
+        scene.Finish();
+        ExpectNoSelfHits(scene, scale, true, 7);
+      }
+}
+
+TEST(TracerSurface, RaysLeavePolygons) {
+  for (double scale : {1e-3, 1.0, 1e3})
+    for (double distance : {0.0, 10.0, 1e3}) {
+      Random random(8, uint64_t(distance));
+      const Vec3d center = random.UnitVector() * (scale * distance), u = random.UnitVector(),
+                  v = Normalize(Cross(u, random.UnitVector()));
+      Scene scene;
+      scene.polygons = {{0, 6}};
+      for (const auto& [x, y] :
+           {std::pair{-1.0, -1.0}, {1.0, -1.0}, {1.0, 1.0}, {0.2, 0.1}, {-0.7, 1.0}, {-0.9, 0.2}}) {
+        scene.polygon_vertices.push_back(uint32_t(scene.positions.size()));
+        scene.positions.push_back(ToFloat(center + (u * x + v * y) * scale));
+      }
+      scene.Finish();
+      ExpectNoSelfHits(scene, scale, false, 9);
+    }
+}
+
+TEST(TracerSurface, AnApexHasANormal) {
+  Scene scene;
+  scene.cones = {{{0, 0, 0}, 1, {0, 0, 1}, 0}};
+  scene.Finish();
+  for (const Vec3f& dir : {Vec3f{0, 0, -1}, Vec3f{1, 0, 0}, Vec3f{0.5f, 0.5f, -1}}) {
+    const rb_ray ray = RayFrom(Vec3f{0, 0, 1} - dir, ToDouble(dir));
+    const SurfacePoint surface = SurfaceAt(scene, ray, {1, 0, 0, 0});
+    EXPECT_NEAR(Length(surface.normal), 1, 1e-12);
+    EXPECT_EQ(surface.point, (Vec3d{0, 0, 1}));
+  }
+}
+
 }  // namespace
 }  // namespace raybench

@@ -1,7 +1,7 @@
 // Error-bound offset of ray origins (the idea: Pharr, Jakob, Humphreys, Physically Based Rendering, section
 // "Managing Rounding Error"; the bounds here are our own). u = 2^-24 is the unit roundoff of float.
 //
-// A ray that starts at a hit must not hit the same primitive again, at any scale and any place. Two errors
+// A ray that starts at a hit must not hit the same primitive again, at any scale and any place. These errors
 // count:
 //
 // 1. Rounding the origin to float moves component i by at most u |q_i|, so its distance from the tangent
@@ -18,10 +18,18 @@
 //    tests; c = 2 is taken. For a sliver of aspect k this grows as k u L; from k = 1024 on it is held at
 //    2^-13 L, since a larger step would leap over neighbours. (There only `double` and `exact` numerics are
 //    safe.) For a sphere of radius r the constant term |o-c|^2 - r^2 (true: 2 r e) is wrong by at most 4 u
-//    r^2 and a little more: e = 4 u r is twice what is needed.
+//    r^2 and a little more: e = 4 u r is twice what is needed. Cones are tested in double about a point near
+//    their middle; the discriminant and the coefficients are those of a cone whose radius is off by a few
+//    2^-52 of its size: e = 2^-44 of it is plenty. A polygon is tested against its plane in double, but its
+//    neighbour's plane at a shared edge is off by the rounding of vertices: e = 2 u of its extent, as for
+//    triangles of aspect 1.
 //
-// The origin is moved by the sum of both, so that after rounding it is at least the second away from the
-// plane.
+// 3. On a curved surface the origin also moves along the tangent plane, by at most delta = u |q|, and there
+// the
+//    surface bends away by delta^2 / 2r, never by more than delta.
+//
+// The origin is moved by the sum of these, so that after rounding it is at least the second away from the
+// surface.
 #include "tracer/surface.h"
 
 namespace raybench {
@@ -52,20 +60,74 @@ SurfacePoint OnTriangle(const Scene& scene, const rb_hit& hit) {
   return s;
 }
 
-SurfacePoint OnSphere(const Scene& scene, const rb_ray& ray, const rb_hit& hit) {
-  const Sphere& sphere = scene.spheres[hit.prim - scene.triangles.size()];
+/// How far rounding along the tangent plane leads away from a surface with this radius of curvature.
+double CurvatureOffset(Vec3d point, double radius) {
+  const double delta = kUnitRoundoff * Length(point);
+  return std::min(delta, delta * delta / (2 * radius));
+}
+
+Vec3d PointAt(const rb_ray& ray, const rb_hit& hit) {
+  return ToDouble(LoadVec3(ray.org)) + ToDouble(LoadVec3(ray.dir)) * double(hit.t);
+}
+
+SurfacePoint OnSphere(const Sphere& sphere, const rb_ray& ray, const rb_hit& hit) {
   const Vec3d center = ToDouble(sphere.center);
+  const double radius = std::fabs(sphere.radius);
   SurfacePoint s;
-  s.normal = Normalize(ToDouble(LoadVec3(ray.org)) + ToDouble(LoadVec3(ray.dir)) * double(hit.t) - center);
-  s.point = center + s.normal * double(sphere.radius);
-  s.offset = RoundingOffset(s.point, s.normal) + 4 * kUnitRoundoff * double(sphere.radius);
+  s.normal = Normalize(PointAt(ray, hit) - center);
+  s.point = center + s.normal * radius;
+  s.offset =
+      RoundingOffset(s.point, s.normal) + CurvatureOffset(s.point, radius) + 4 * kUnitRoundoff * radius;
+  return s;
+}
+
+/// Nearest in the cross section through the hit, between the rims.
+SurfacePoint OnCone(const Cone& cone, const rb_ray& ray, const rb_hit& hit) {
+  const Vec3d base = ToDouble(cone.base), axis = ToDouble(cone.apex) - base;
+  const double r0 = std::fabs(cone.base_radius), r1 = std::fabs(cone.apex_radius), length = Length(axis);
+  const Vec3d along = axis * (1 / length), p = PointAt(ray, hit) - base;
+  const double height = std::clamp(Dot(p, along), 0.0, length), radius = r0 + (r1 - r0) * (height / length);
+  Vec3d outward = p - along * Dot(p, along);
+  // On the axis, at an apex: against the ray, as far as that is across.
+  const Vec3d dir = ToDouble(LoadVec3(ray.dir));
+  if (Dot(outward, outward) == 0) outward = along * Dot(dir, along) - dir;
+  if (Dot(outward, outward) == 0) outward = Cross(along, Vec3d{along.y, along.z, along.x});
+  if (Dot(outward, outward) == 0) outward = Vec3d{along.y, -along.x, 0};
+  outward = Normalize(outward);
+  SurfacePoint s;
+  s.point = base + along * height + outward * radius;
+  s.normal = Normalize(outward - along * ((r1 - r0) / length));
+  s.offset = RoundingOffset(s.point, s.normal) + CurvatureOffset(s.point, radius) +
+             0x1p-44 * (length + std::max(r0, r1));
+  return s;
+}
+
+SurfacePoint OnPolygon(const PolygonPlane& plane, const rb_ray& ray, const rb_hit& hit) {
+  const Vec3d p = PointAt(ray, hit);
+  const Vec3f extent = plane.bounds.Extent();
+  SurfacePoint s;
+  s.normal = Normalize(plane.normal);
+  s.point = p - s.normal * Dot(s.normal, p - plane.center);
+  s.offset = RoundingOffset(s.point, s.normal) +
+             2 * kUnitRoundoff * double(std::max({extent.x, extent.y, extent.z}));
   return s;
 }
 
 }  // namespace
 
 SurfacePoint SurfaceAt(const Scene& scene, const rb_ray& ray, const rb_hit& hit) {
-  return hit.prim < scene.triangles.size() ? OnTriangle(scene, hit) : OnSphere(scene, ray, hit);
+  const auto [kind, i] = scene.Locate(hit.prim);
+  switch (kind) {
+    case PrimKind::kTriangle:
+      return OnTriangle(scene, hit);
+    case PrimKind::kSphere:
+      return OnSphere(scene.spheres[i], ray, hit);
+    case PrimKind::kCone:
+      return OnCone(scene.cones[i], ray, hit);
+    case PrimKind::kPolygon:
+      break;
+  }
+  return OnPolygon(scene.PlaneOfPolygon(i), ray, hit);
 }
 
 }  // namespace raybench

@@ -8,8 +8,9 @@ namespace raybench {
 
 /// A hit point in double with what is needed to leave the surface safely.
 struct SurfacePoint {
-  Vec3d point;    ///< on the primitive, up to the roundings of double
-  Vec3d normal;   ///< geometric, unit; triangles by winding (right hand), spheres outward
+  Vec3d point;  ///< on the primitive, up to the roundings of double
+  Vec3d
+      normal;  ///< geometric, unit; triangles and polygons by winding (right hand), spheres and cones outward
   double offset;  ///< distance along the normal that makes float origins safe, see SurfaceAt()
 
   /// Start of a ray that leaves the surface towards +normal (side > 0) or -normal (side < 0).
@@ -17,8 +18,8 @@ struct SurfacePoint {
 };
 
 /// The point of `hit` (not a miss; hit.prim < scene.primitive_count()) of `ray`. Triangles: from the
-/// barycentrics u, v, so that its error does not grow with the distance travelled; spheres: re-projected onto
-/// the sphere.
+/// barycentrics u, v, so that its error does not grow with the distance travelled; procedural primitives:
+/// re-projected onto the surface.
 SurfacePoint SurfaceAt(const Scene& scene, const rb_ray& ray, const rb_hit& hit);
 
 }  // namespace raybench
