@@ -15,8 +15,8 @@ struct Format {
   const char* extension;
   Scene (*read)(const std::filesystem::path&, const LoadOptions&);
 };
-constexpr Format kFormats[] = {{".obj", ReadObj}, {".off", ReadOff},   {".ply", ReadPly},
-                               {".stl", ReadStl}, {".gltf", ReadGltf}, {".glb", ReadGltf}};
+constexpr Format kFormats[] = {{".obj", ReadObj},   {".off", ReadOff},  {".ply", ReadPly}, {".stl", ReadStl},
+                               {".gltf", ReadGltf}, {".glb", ReadGltf}, {".nff", ReadNff}};
 
 const Format* FindFormat(const std::filesystem::path& path) {
   std::string extension = path.extension().string();

@@ -21,4 +21,8 @@ Scene ReadOff(const std::filesystem::path& path, const LoadOptions& options);
 /// glTF 2.0, .gltf or .glb, through tinygltf: the default scene with its node hierarchy flattened.
 Scene ReadGltf(const std::filesystem::path& path, const LoadOptions& options);
 
+/// Haines' Neutral File Format 3.1 for the Standard Procedural Databases: polygons, spheres, cones, camera,
+/// lights. What it is mapped to stands in read_nff.cpp.
+Scene ReadNff(const std::filesystem::path& path, const LoadOptions& options);
+
 }  // namespace raybench
