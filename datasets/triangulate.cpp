@@ -30,7 +30,12 @@ class EarClipper {
     if (n_ == 3) return Fan(), true;
     if (!std::all_of(corners_.begin(), corners_.end(), IsFinite)) return Fan(), false;
     FindPlane();
-    if (FanCovers()) return Fan(), true;
+    if (FanCovers()) {
+      Fan();
+      return !IsEdgeOn() || std::all_of(triangles_.begin(), triangles_.end(), [&](const auto& t) {
+        return IsDegenerate(corners_[t[0]], corners_[t[1]], corners_[t[2]]);
+      });
+    }
     if (Clip()) return true;
     return Fan(), false;
   }
@@ -60,6 +65,13 @@ class EarClipper {
   bool FanCovers() const {
     for (uint32_t i = 2; i < n_; ++i)
       if (Turn(0, i - 1, i) < 0) return false;
+    return true;
+  }
+
+  /// Seen along the axis it is a line, so no area adds up: it crosses itself, or is a line.
+  bool IsEdgeOn() const {
+    for (uint32_t i = 2; i < n_; ++i)
+      if (Turn(0, i - 1, i) != 0) return false;
     return true;
   }
 
