@@ -67,11 +67,15 @@ uint64_t BytesOf(const std::vector<T>& items) {
 SceneFacts Examine(const Scene& scene) {
   SceneFacts facts;
   if (!scene.spheres.empty()) facts.procedural.emplace_back("spheres", scene.spheres.size());
+  if (!scene.cones.empty()) facts.procedural.emplace_back("cones", scene.cones.size());
+  if (!scene.polygons.empty()) facts.procedural.emplace_back("polygons", scene.polygons.size());
   CountEdges(scene, facts);
   MeasureTriangles(scene, facts);
   facts.bytes = BytesOf(scene.positions) + BytesOf(scene.normals) + BytesOf(scene.uvs) +
                 BytesOf(scene.triangles) + BytesOf(scene.triangle_material) + BytesOf(scene.triangle_face) +
-                BytesOf(scene.spheres) + BytesOf(scene.sphere_material) + BytesOf(scene.materials);
+                BytesOf(scene.spheres) + BytesOf(scene.sphere_material) + BytesOf(scene.cones) +
+                BytesOf(scene.cone_material) + BytesOf(scene.polygons) + BytesOf(scene.polygon_material) +
+                BytesOf(scene.polygon_vertices) + BytesOf(scene.materials);
   std::set<const std::string*> images;  // textures share them
   for (const Texture& texture : scene.textures)
     if (images.insert(texture.bytes.get()).second) facts.bytes += texture.bytes->size();
