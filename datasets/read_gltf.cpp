@@ -78,6 +78,9 @@ class GltfReader {
     Prepare();
     Fill();
     AddNotes();
+    if (scene_.triangles.empty())
+      Fail(fmt::format("has no triangles in its default scene{}",
+                       left_out_.empty() ? "" : fmt::format(" (left out: {})", left_out_)));
     return std::move(scene_);
   }
 
@@ -229,7 +232,7 @@ class GltfReader {
     read("SCALE", kGltfFloat, scales);
     if (count == RAYBENCH_NONE)
       Fail(fmt::format("node {} has {} without TRANSLATION, ROTATION or SCALE", index, kInstancing));
-    RequireMemory(scene_.provenance.source, count * sizeof(Instance));
+    RequireMemory(scene_.provenance.source + ":", count * sizeof(Instance));
     for (uint64_t i = 0; i < count; ++i) {
       auto vector = [&](const auto& items, double fallback) {
         return items.empty() ? Vec3d{fallback, fallback, fallback}
@@ -399,7 +402,8 @@ class GltfReader {
     scene_.stats.instances = instances_.size();
     scene_.stats.faces = triangles;
     const uint64_t per_vertex = sizeof(Vec3f) * (has_normals_ ? 2 : 1) + (has_uvs_ ? sizeof(Vec2f) : 0);
-    RequireMemory(scene_.provenance.source, vertices * per_vertex + triangles * (3 + 2) * sizeof(uint32_t));
+    RequireMemory(scene_.provenance.source + ":",
+                  vertices * per_vertex + triangles * (3 + 2) * sizeof(uint32_t));
     scene_.positions.reserve(vertices + 2);
     if (has_normals_) scene_.normals.reserve(vertices);
     if (has_uvs_) scene_.uvs.reserve(vertices);
@@ -502,7 +506,7 @@ class GltfReader {
     add(skinned, "skins");
     add(morph_targets_, "morph targets");
     if (!moves.empty()) Note("not applied: " + moves + "; meshes are as stored");
-    std::string left;
+    std::string& left = left_out_;
     auto leave = [&](uint64_t n, const char* one, const char* many) {
       if (n > 0) left += (left.empty() ? "" : ", ") + plural(n, one, many);
     };
@@ -531,6 +535,7 @@ class GltfReader {
   std::vector<GltfLookup> lookups_;  // by material
   std::vector<Instance> instances_;
   std::map<int, Mesh> meshes_;
+  std::string left_out_;
   bool has_normals_ = false, has_uvs_ = false, morph_targets_ = false;
   uint64_t point_primitives_ = 0, line_primitives_ = 0, without_positions_ = 0, without_uvs_ = 0,
            unused_meshes_ = 0, orthographic_cameras_ = 0, distant_lights_ = 0, spot_lights_ = 0;
@@ -539,9 +544,7 @@ class GltfReader {
 }  // namespace
 
 Scene ReadGltf(const std::filesystem::path& path, const LoadOptions& options) {
-  Scene scene = GltfReader(path, options).Read();
-  if (scene.triangles.empty()) throw InputError(path.string() + ": has no triangles in its default scene");
-  return scene;
+  return GltfReader(path, options).Read();
 }
 
 }  // namespace raybench

@@ -131,7 +131,7 @@ class Run {
       for (int n = 2; !stems.insert(stem).second; ++n) stem = fmt::format("{}_{}", FileStem(name), n);
       names_.push_back(name);
       stems_.push_back(stem);
-      scene_notes_.push_back(Json::array());
+      scene_notes_.push_back(Json(scene.stats.notes));
       ray_set_facts_.push_back(Json::array());
       oracles_.push_back(nullptr);
       progress_.Say(fmt::format(
@@ -139,6 +139,7 @@ class Run {
           scene.stats.degenerate_triangles == 0
               ? std::string()
               : fmt::format("; {} degenerate triangles left out", scene.stats.degenerate_triangles)));
+      for (const std::string& note : scene.stats.notes) progress_.Say(fmt::format("{}: {}", name, note));
     }
   }
 

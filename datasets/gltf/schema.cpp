@@ -162,7 +162,7 @@ const char* Wanted(Type type) {
     case Type::kIndices:
       return "an array of whole numbers from 0 to 2147483647";
     case Type::kSize:
-      return "a whole number, 0 or larger";
+      return "a whole number from 0";
   }
   return "";
 }
@@ -249,6 +249,20 @@ std::string Check(const Rule& rule, std::string_view rest, json& value, const Pl
   return fmt::format("{} is missing; {} is needed", inner.Text(), Wanted(rule.type));
 }
 
+/// First of all: an older version has another schema (and 1.0 a number in place of a string).
+std::string CheckVersion(const json& root) {
+  auto asset = root.find("asset");
+  if (asset == root.end() || !asset->is_object()) return {};  // as the rules will say
+  for (const char* key : {"version", "minVersion"}) {
+    auto version = asset->find(key);
+    if (version == asset->end() || !(version->is_string() || version->is_number())) continue;
+    const std::string text = version->is_string() ? version->get<std::string>() : version->dump();
+    if (!text.starts_with("2."))
+      return fmt::format("is glTF {} (asset.{}); 2.0 is read", text.substr(0, 20), key);
+  }
+  return {};
+}
+
 constexpr char kSave[] = ", which raybench does not read: save it again without mesh compression";
 
 /// Compressed data, wherever their extension stands.
@@ -288,19 +302,9 @@ std::string CheckRequired(const json& root) {
 }  // namespace
 
 std::string CheckGltfSchema(json& root) {
-  for (const Rule& rule : kRules) {
-    // First of all the version: an older one has another schema.
-    if (rule.path == "extensions") {
-      for (const char* key : {"version", "minVersion"}) {
-        auto version = root["asset"].find(key);
-        if (version == root["asset"].end()) continue;
-        const std::string& text = version->get_ref<const std::string&>();
-        if (text.starts_with("2.")) continue;
-        return fmt::format("is glTF {} (asset.{}); 2.0 is read", text.substr(0, 20), key);
-      }
-    }
+  if (std::string error = CheckVersion(root); !error.empty()) return error;
+  for (const Rule& rule : kRules)
     if (std::string error = Check(rule, rule.path, root, {}); !error.empty()) return error;
-  }
   if (std::string error = CheckCompression(root); !error.empty()) return error;
   return CheckRequired(root);
 }
