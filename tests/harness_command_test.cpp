@@ -133,8 +133,9 @@ TEST_F(HarnessCommand, ListShowsParametersWithRangesAndDefaults) {
   }
   const Outcome scenes = Call({"list", "scenes"});
   EXPECT_EQ(scenes.exit_code, 0);
-  for (const char* text : {"  sphereflake  100882 primitives", "  stadium  79124 primitives", "  subdivide\n",
-                           "scheme: ", "  engine  110336 triangles", "fetched", "licence: ", ".glb"}) {
+  for (const char* text :
+       {"  sphereflake  100882 primitives", "  stadium  79124 primitives", "  subdivide\n",
+        "scheme: ", "    engine  110336 triangles", "  cad\n", "fetched", "licence: ", ".glb"}) {
     EXPECT_NE(scenes.out.find(text), std::string::npos) << text;
   }
   std::istringstream lines(scenes.out);
