@@ -135,7 +135,8 @@ class Run {
       ray_set_facts_.push_back(Json::array());
       oracles_.push_back(nullptr);
       progress_.Say(fmt::format(
-          "{}: {} triangles, {} procedural primitives{}", name, scene.triangles.size(), scene.procedural_count(),
+          "{}: {} triangles, {} procedural primitives{}", name, scene.triangles.size(),
+          scene.procedural_count(),
           scene.stats.degenerate_triangles == 0
               ? std::string()
               : fmt::format("; {} degenerate triangles left out", scene.stats.degenerate_triangles)));
