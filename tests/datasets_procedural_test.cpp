@@ -192,28 +192,31 @@ TEST(Cone, BoundsAreTight) {
 }
 
 TEST(Cone, NoSlitBetweenConesThatShareARim) {
-  // A lathed body: rays from inside aimed at the rims.
+  // A lathed body; rays from inside that meet its rims exactly. The axis (1, 2, 2) has length 3, and so have
+  // these vectors across it: everything is exact in float.
+  const Vec3f along{1, 2, 2}, across[] = {{2, 1, -2}, {-2, -1, 2}, {2, -2, 1}, {-2, 2, -1}};
+  const float radius[] = {0, 15, 24, 24, 9, 12, 0};
   Scene scene;
   scene.provenance.source = "lathe";
-  const float radius[] = {0, 1, 1.5f, 1.5f, 0.7f, 0.9f, 0};
-  const Vec3d along{1, 0.5, -0.375};  // multiples are exact, so the ends are in line
-  Vec3f ends[7];
-  for (int i = 0; i < 7; ++i) ends[i] = ToFloat(along * double(i - 3));
-  for (int i = 0; i < 6; ++i) scene.cones.push_back({ends[i], radius[i], ends[i + 1], radius[i + 1]});
+  for (int i = 0; i < 6; ++i)
+    scene.cones.push_back({along * (5.0f * (i - 3)), radius[i], along * (5.0f * (i - 2)), radius[i + 1]});
   scene.Finish();
-  uint64_t leaks = 0, rays = 0;
-  for (uint64_t n = 0; n < 30000; ++n) {
-    Random r(34, n);
-    const int rim = 1 + int(r.Below(5));
-    const Vec3d aside = Normalize(Cross(along, r.UnitVector()));
-    const Vec3d target = ToDouble(ends[rim]) + aside * double(radius[rim]);
-    const Vec3f org = ToFloat(r.UnitVector() * 0.3);
-    const rb_ray ray = MakeRay(org, ToFloat(target - ToDouble(org)));
-    bool hit = false;
-    for (uint64_t i = 0; i < 6 && !hit; ++i) hit = Meet(scene, i, ray) > 0;
-    leaks += !hit, ++rays;
+  uint64_t leaks = 0, rims = 0;
+  for (uint64_t n = 0; n < 50000; ++n) {
+    Random random(34, n);
+    const int rim = 1 + int(random.Below(5));
+    const Vec3f target = along * (5.0f * (rim - 3)) + across[random.Below(4)] * (radius[rim] / 3);
+    const Vec3f org = {float(random.Below(9)) - 4, float(random.Below(9)) - 4, float(random.Below(9)) - 4};
+    const float stretch = 1 + float(random.Below(63));
+    const rb_ray ray = MakeRay(org, (target - org) * stretch);
+    float nearest = kInf;
+    for (uint64_t i = 0; i < 6; ++i)
+      if (const float t = Meet(scene, i, ray); t > 0) nearest = std::min(nearest, t);
+    leaks += nearest == kInf;
+    rims += std::fabs(nearest * stretch - 1) < 1e-6f;
   }
-  EXPECT_EQ(leaks, 0u) << rays;
+  EXPECT_EQ(leaks, 0u);
+  EXPECT_GT(rims, 20000u);
 }
 
 TEST(Cone, NormalIsAcross) {
