@@ -6,8 +6,8 @@
 #include "datasets/scene_facts.h"
 #include "harness/commands.h"
 #include "harness/interrupt.h"
+#include "harness/load.h"
 #include "harness/measure.h"
-#include "harness/progress.h"
 #include "harness/results.h"
 
 namespace raybench {
@@ -180,20 +180,14 @@ int ListScene(const ListSceneOptions& options) {
     PrintUnfetched(entry, options.json);
     return 0;
   }
-  Progress progress;
   LoadOptions load;
   load.seed = options.seed;
   load.drop_bad = options.drop_bad;
-  load.progress = [&](double fraction) {
-    ThrowIfInterrupted();
-    progress.Update(fraction, "loading");
-  };
   const Stopwatch watch(true);
-  const Scene scene = LoadScene(options.scene, load);
+  const Scene scene = LoadWithProgress(options.scene, load);
   const double seconds = watch.Elapsed().wall;
   ThrowIfInterrupted();
   const Json json = Describe(scene, Examine(scene), seconds);
-  progress.Clear();
   if (options.json) {
     fmt::print("{}\n", json.dump(2, ' ', false, Json::error_handler_t::replace));
   } else {
