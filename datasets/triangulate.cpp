@@ -117,11 +117,8 @@ class EarClipper {
   bool IsEar(uint32_t b) {
     if (turn_[b] <= 0) return false;
     const uint32_t a = previous_[b], c = next_[b];
-    // The chord must leave into the polygon; other corners may lie where a or c lies, so emptiness alone does
-    // not say so.
-    if (turn_[a] > 0 && Turn(a, c, previous_[a]) < 0) return false;
-    if (turn_[c] > 0 && Turn(c, next_[c], a) < 0) return false;
-    // If any corner lies inside, one that is not convex does.
+    // If any corner lies inside, one that is not convex does. Those at the places of a, b and c belong to
+    // edges that an outline may only have outside.
     const int j = (axis_ + 1) % 3, k = (axis_ + 2) % 3;
     const Vec3f pa = corners_[a], pb = corners_[b], pc = corners_[c];
     const Vec3f lo = Min(Min(pa, pb), pc), hi = Max(Max(pa, pb), pc);

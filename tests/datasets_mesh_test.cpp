@@ -67,6 +67,33 @@ TEST_F(MeshTest, RepeatedAndMissingCornersAreDegenerate) {
   EXPECT_EQ(scene.stats.degenerate_triangles, 1u + 1u + 1u + 2u);
 }
 
+TEST_F(MeshTest, PolygonsOfAnyShape) {
+  const std::string arrow = "v 0 0 0\nv 9 0 0\nv 2 2 0\nv 0 9 0\n";
+  Scene scene = Obj(arrow + "f 4 1 2 3\nf 1 2 3 4\nf 2 3 4 1\n");  // fans would do from two corners only
+  EXPECT_EQ(scene.triangles.size(), 6u);
+  for (const Triangle& t : scene.triangles)  // corners 0 and 2 are joined: anything else lies outside
+    EXPECT_TRUE(std::count(t.begin(), t.end(), 0u) == 1 && std::count(t.begin(), t.end(), 2u) == 1);
+  // A frame: the hole is joined to the outline by an edge there and back, so corners occur twice.
+  const std::string frame =
+      "v 0 0 1\nv 9 0 1\nv 9 9 1\nv 0 9 1\nv 3 3 1\nv 3 6 1\nv 6 6 1\nv 6 3 1\nf 1 2 8\n"
+      "f 1 2 3 4 1 5 6 7 8 5\nf 1 2 7\n";
+  double area = 0;
+  scene = Obj(frame);
+  EXPECT_THAT(scene.triangle_face, ElementsAre(0, 1, 1, 1, 1, 1, 1, 1, 1, 2));
+  for (size_t i = 1; i < 9; ++i) {
+    const auto [a, b, c] = Corners(scene, i);
+    area += double(b.x - a.x) * (c.y - a.y) - double(b.y - a.y) * (c.x - a.x);
+  }
+  EXPECT_EQ(area, 2.0 * (81 - 9));
+  EXPECT_TRUE(scene.stats.notes.empty());
+  // One that crosses itself.
+  scene = Off("OFF\n4 2 0\n0 0 0\n4 0 0\n0 3 0\n5 6 0\n3 0 1 2\n4 0 1 2 3\n");
+  EXPECT_EQ(scene.stats.crossed_faces, 1u);
+  ASSERT_EQ(scene.stats.notes.size(), 1u);
+  EXPECT_THAT(scene.stats.notes[0], AllOf(HasSubstr("1 polygons"), HasSubstr("face 1")));
+  EXPECT_THAT(scene.triangle_face, ElementsAre(0, 1, 1));
+}
+
 TEST_F(MeshTest, Materials) {
   files_.Write("some materials.mtl",
                "newmtl red\nKd 1 0 0\nKs 0.5 0.25 0\nNs 96\nillum 2\n\nnewmtl mirror\nillum 3\nKd .1 .1 "
@@ -121,6 +148,7 @@ TEST_F(MeshTest, ObjErrors) {
   EXPECT_THAT(ObjError(square + "v 0 -INF 0\nf 1 2 3\n"), AllOf(HasSubstr("vertex 4"), HasSubstr("finite")));
   EXPECT_THAT(ObjError(square + "v 0 1e39 0\nf 1 2 3\n"), AllOf(HasSubstr("vertex 4"), HasSubstr("finite")));
   EXPECT_THAT(ObjError(square + "v 0 1e999 0\nf 1 2 3\n"), AllOf(HasSubstr("vertex 4"), HasSubstr("finite")));
+  EXPECT_THAT(ObjError(square + "f 1 \\\n2 \\\r\n 3\n\nf 1 2 x\n"), HasSubstr("line 9: face 1"));
   EXPECT_THAT(ObjError(square + "v 0 1,5 0\nf 1 2 3\n"), HasSubstr("'1,5'; a number is needed"));
 }
 
