@@ -6,6 +6,7 @@
 #include <set>
 #include <sstream>
 
+#include "harness/build_info.h"
 #include "harness/measure.h"
 #include "harness/results.h"
 #include "harness/table.h"
@@ -134,7 +135,7 @@ TEST_F(HarnessResults, ABrokenCaseFileIsNamed) {
 }
 
 TEST_F(HarnessResults, EveryColumnIsDocumented) {
-  const std::string readme = Read(fs::path(__FILE__).parent_path().parent_path() / "reports" / "README.md");
+  const std::string readme = Read(fs::path(kSourceDirectory) / "reports" / "README.md");
   for (const char* column : CaseColumns()) {
     const std::string name = column;
     // The verdict classes stand there as a range and as words.
