@@ -18,25 +18,31 @@ struct RunArguments {
   bool no_report = false;
 };
 
-/// A number names no file; the file "64" is reached as ./64.
+/// "64K" as a number, if it is one.
+std::optional<uint64_t> ParseCount(std::string word) {
+  try {
+    uint64_t count = 0;
+    if (CLI::AsSizeValue(false)(word).empty() && CLI::detail::lexical_cast(word, count)) return count;
+  } catch (const CLI::ValidationError&) {  // no number, or an unknown unit
+  }
+  return std::nullopt;
+}
+
+/// What reads as a number names no file; the file "64" is reached as ./64.
 void ReadRays(const std::vector<std::string>& words, RunOptions& run) {
   for (const std::string& word : words) {
-    if (word.empty() || word.find_first_not_of("0123456789") == 0) {
-      std::error_code error;
-      if (!std::filesystem::exists(word, error))
-        throw InputError(fmt::format("--rays {}: neither a number of rays nor a .rays file", word));
+    std::error_code error;
+    if (const std::optional<uint64_t> rays = ParseCount(word)) {
+      if (*rays < 64 || *rays > uint64_t{1} << 28)
+        throw InputError(fmt::format("--rays {}: a number of rays lies between 64 and 2^28", word));
+      run.rays = *rays;
+    } else if (std::filesystem::exists(word, error)) {
       run.ray_files.push_back(word);
-      continue;
+    } else {
+      throw InputError(fmt::format(
+          "--rays {}: neither a number of rays (such as 64K or 1M) nor a .rays file or a folder of them",
+          word));
     }
-    std::string number = word;
-    uint64_t rays = 0;
-    if (!CLI::AsSizeValue(false)(number).empty() || !CLI::detail::lexical_cast(number, rays) || rays < 64 ||
-        rays > uint64_t{1} << 28)
-      throw InputError(
-          fmt::format("--rays {}: a number of rays lies between 64 and 2^28; a file whose name "
-                      "begins with a digit is given as ./{}",
-                      word, word));
-    run.rays = rays;
   }
   if (run.ray_files.empty()) return;
   if (run.scenes.empty()) throw InputError("--rays FILE: name the scene that the rays were recorded in");
