@@ -56,9 +56,9 @@ class Lines {
     next_ = end + 1, ++number_;
     return true;
   }
-  uint64_t number() const { return number_; }      ///< of the last line
-  bool is_unended() const { return is_unended_; }  ///< the last line had no line break
-  size_t offset() const { return next_; }          ///< where the next line begins
+  uint64_t number() const { return number_; }                      ///< of the last line
+  bool is_unended() const { return is_unended_; }                  ///< the last line had no line break
+  size_t offset() const { return std::min(next_, text_.size()); }  ///< where the next line begins
 
  private:
   std::string_view text_;

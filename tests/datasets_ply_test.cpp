@@ -202,6 +202,7 @@ TEST_F(PlyTest, ErrorsOfBinaryFiles) {
   EXPECT_EQ(Ply(whole).triangles.size(), 1u);
   EXPECT_THAT(Error(whole.substr(0, whole.size() - 1)), HasSubstr("face 0 of 1 needs 12 more bytes"));
   EXPECT_THAT(Error(header + vertices), HasSubstr("ends early"));
+  EXPECT_THAT(Error(header.substr(0, header.size() - 1)), HasSubstr("0 follow the header"));
   EXPECT_THAT(Error(whole + face), HasSubstr("13 bytes more"));
   std::string text = whole;
   text.replace(header.size() + 16, 4, Bytes(std::numeric_limits<float>::quiet_NaN()));
