@@ -15,8 +15,9 @@ figure { display: inline-block; vertical-align: top; margin: 0 1.5em 1.5em 0 } f
 .sheets img { max-width: 100% }
 .scroll { overflow-x: auto }
 table { border-collapse: collapse; font-size: 85%; font-variant-numeric: tabular-nums }
-th, td { padding: .15em .6em; text-align: left; vertical-align: top } th { border-bottom: 1px solid #222 }
-td.number, th.number { text-align: right; white-space: nowrap } tbody tr:nth-child(even) { background: #f4f4f4 }
+th, td { padding: .15em .6em; text-align: left; vertical-align: top; white-space: nowrap }
+th { border-bottom: 1px solid #222 }
+td.number, th.number { text-align: right } tbody tr:nth-child(even) { background: #f4f4f4 }
 td.none { color: #777 } tr.refused { color: #b00020 }
 """
 
