@@ -26,6 +26,7 @@
 #include "harness/python.h"
 #include "harness/ray_sets.h"
 #include "harness/results.h"
+#include "harness/run_facts.h"
 #include "harness/statistics.h"
 #include "harness/table.h"
 #include "tracer/image_io.h"
@@ -609,64 +610,26 @@ class Run {
   void WriteRunJson(bool finished, bool interrupted = false, size_t finished_cases = 0) const {
     Json scenes = Json::array();
     for (size_t i = 0; i < scenes_.size(); ++i) {
-      const Scene& s = scenes_[i];
-      scenes.push_back({{"scene", names_[i]},
-                        {"hash", s.hash()},
-                        {"triangles", s.triangles.size()},
-                        {"procedural", s.procedural_count()},
-                        {"source", s.provenance.source},
-                        {"licence", s.provenance.licence},
-                        {"package", s.provenance.package},
-                        {"version", s.provenance.version},
-                        {"sha256", s.provenance.sha256},
-                        {"faces", s.stats.faces},
-                        {"degenerate_triangles", s.stats.degenerate_triangles},
-                        {"dropped_triangles", s.stats.dropped_triangles},
-                        {"instances", s.stats.instances},
-                        {"shared_triangles", s.stats.shared_triangles},
-                        {"scale_exponent", s.scale_exponent},
-                        {"automatic_camera", s.automatic_camera},
-                        {"automatic_lights", s.automatic_lights},
-                        {"image", replayed_.empty() ? Json("images/" + stems_[i] + ".png") : Json()},
-                        {"oracle", oracles_[i]},
-                        {"ray_sets", ray_set_facts_[i]},
-                        {"notes", scene_notes_[i]}});
+      Json facts = {{"scene", names_[i]}};
+      facts.update(FactsOf(scenes_[i]));
+      facts["image"] = replayed_.empty() ? Json("images/" + stems_[i] + ".png") : Json();
+      facts["oracle"] = oracles_[i];
+      facts["ray_sets"] = ray_set_facts_[i];
+      facts["notes"] = scene_notes_[i];
+      scenes.push_back(std::move(facts));
     }
     Json structures = Json::array();
-    for (const Contestant& c : contestants_) {
-      structures.push_back({{"spec", c.Spec()},
-                            {"params", c.Params()},
-                            {"doc", c.structure->doc},
-                            {"source", c.structure->source},
-                            {"plugin", registry_.OriginOf(*c.structure)}});
-    }
-    const std::string remarks = EngineRemarks();
+    for (const Contestant& c : contestants_) structures.push_back(FactsOf(c, registry_));
     Json run;
     run["format"] = 1;
     run["started"] = started_;
     run["ended"] = finished ? Json(UtcTime("%Y-%m-%dT%H:%M:%SZ")) : Json();
     run["interrupted"] = interrupted;
     run["finished_cases"] = finished_cases;
-    run["command_line"] = options_.command_line;
-    run["seed"] = options_.seed;
-    run["quick"] = options_.quick;
-    const bool whole_files = !options_.ray_files.empty() && options_.rays == 0;
-    run["rays_per_set"] = whole_files ? Json() : Json(options_.RaysPerSet());
-    run["verified_per_set"] = options_.RaysVerified();
-    run["depth"] = options_.depth;
-    run["memory_limit"] = options_.memory_limit;
+    run.update(FactsOf(options_));
     run["build_threads"] = BuildThreads();
     run["query_threads"] = QueryThreads();
-    run["plugins"] = options_.plugins;
-    run["timing"] = {{"engine", "Google Benchmark"},
-                     {"repetitions", options_.Repetitions()},
-                     {"random_interleaving", true},
-                     {"flags", options_.benchmark_flags},
-                     {"sample_seconds", kSampleSeconds},
-                     {"clock", "CPU time at one thread, pinned; wall time at more"},
-                     {"engine_remarks", remarks.empty() ? Json() : Json(remarks)},
-                     {"engine_built_as_debug",
-                      remarks.empty() ? Json() : Json(remarks.find("DEBUG") != std::string::npos)}};
+    run["timing"] = TimingFacts(options_, kSampleSeconds);
     run["build"] = BuildFacts();
     run["machine"] = machine_;
     run["libraries"] = libraries_;
