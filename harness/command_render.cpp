@@ -1,12 +1,11 @@
 // raybench render: one picture, or heat maps of what traversal costs per pixel.
 #include <fmt/format.h>
-#include <tbb/info.h>
 
-#include <algorithm>
 #include <filesystem>
 #include <optional>
 
 #include "datasets/scene.h"
+#include "harness/build_options.h"
 #include "harness/commands.h"
 #include "harness/interrupt.h"
 #include "harness/load.h"
@@ -83,11 +82,7 @@ int RenderCommand(const Registry& registry, const RenderOptions& options) {
         fmt::format("structure '{}' takes triangles only, but scene '{}' has procedural primitives",
                     contestant.structure->name, options.scene));
   }
-  rb_build_options build = DefaultBuildOptions();
-  build.threads =
-      options.threads != 0 ? options.threads : uint32_t(std::max(1, tbb::info::default_concurrency()));
-  build.seed = options.seed;
-  build.cancel = InterruptFlag();
+  const rb_build_options build = BuildOptions(options.threads, options.seed);
   const rb_geometry geometry = scene.Geometry();
   const Stopwatch build_watch(true);
   const Tree tree(contestant, geometry, build);

@@ -21,7 +21,7 @@ struct Truth {
   bool hit = false;
   bool coplanar = false;  ///< the ray lies in the plane of a triangle it meets: hit and miss are both right
                           ///< for it; such a triangle is never in `tied`
-  double t = 0;                ///< exact t of the nearest hit, rounded to double (Exact() oracles)
+  double t = 0;           ///< exact t of the nearest hit, rounded to double (Exact() oracles)
   std::vector<uint32_t> tied;  ///< every primitive hit at exactly that t, ascending; empty on a miss
   Feature feature = Feature::kInterior;  ///< where the lowest of them is hit
 };

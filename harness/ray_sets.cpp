@@ -1,7 +1,6 @@
 #include "harness/ray_sets.h"
 
 #include <fmt/format.h>
-#include <tbb/info.h>
 
 #include <algorithm>
 #include <map>
@@ -9,6 +8,7 @@
 
 #include "datasets/fetch.h"
 #include "harness/aimed.h"
+#include "harness/build_options.h"
 #include "harness/interrupt.h"
 #include "tracer/hemisphere.h"
 
@@ -29,7 +29,7 @@ class Capturer {
   Capturer(const Registry& registry, const Scene& scene, const CaptureOptions& options)
       : scene_(scene),
         options_(options),
-        tree_(ParseContestant(registry, "bvh_sah"), scene.Geometry(), Build()) {}
+        tree_(ParseContestant(registry, "bvh_sah"), scene.Geometry(), BuildOptions(0, options.seed)) {}
 
   Capture Run() {
     // Twice as many pixels as rays wanted: reflected and refracted rays cover only part of a picture.
@@ -50,13 +50,6 @@ class Capturer {
   }
 
  private:
-  static rb_build_options Build() {
-    rb_build_options build = DefaultBuildOptions();
-    build.threads = uint32_t(std::max(1, tbb::info::default_concurrency()));
-    build.cancel = InterruptFlag();
-    return build;
-  }
-
   bool Wanted(const RaySet& set) const {
     return options_.sets.empty() || std::any_of(options_.sets.begin(), options_.sets.end(),
                                                 [&](const std::string& name) { return Names(name, set); });

@@ -1,7 +1,6 @@
 #include "harness/render_heat.h"
 
 #include <fmt/format.h>
-#include <tbb/info.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -9,6 +8,7 @@
 #include <filesystem>
 #include <optional>
 
+#include "harness/build_options.h"
 #include "harness/heat_files.h"
 #include "harness/interrupt.h"
 #include "harness/machine.h"
@@ -99,11 +99,7 @@ int RenderHeat(const Registry& registry, const Scene& scene, const RenderHeatOpt
     }
   }
 
-  rb_build_options build = DefaultBuildOptions();
-  build.threads =
-      options.threads != 0 ? options.threads : uint32_t(std::max(1, tbb::info::default_concurrency()));
-  build.seed = options.seed;
-  build.cancel = InterruptFlag();
+  const rb_build_options build = BuildOptions(options.threads, options.seed);
   const rb_geometry geometry = scene.Geometry();
   Progress progress;
   size_t step = 0;

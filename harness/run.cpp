@@ -3,7 +3,6 @@
 #include <fmt/chrono.h>
 #include <fmt/format.h>
 #include <malloc.h>
-#include <tbb/info.h>
 
 #include <algorithm>
 #include <cstring>
@@ -15,6 +14,7 @@
 
 #include "datasets/fetch.h"
 #include "datasets/hash.h"
+#include "harness/build_options.h"
 #include "harness/check.h"
 #include "harness/heat_files.h"
 #include "harness/interrupt.h"
@@ -48,8 +48,6 @@ constexpr double kDoubleOracleBudget = 0x1p31;
 
 /// Pixels across the heat maps of the report.
 constexpr uint32_t kHeatSide = 256;
-
-uint32_t AllThreads() { return uint32_t(std::max(1, tbb::info::default_concurrency())); }
 
 std::string UtcTime(const char* format) {
   const std::time_t now = std::time(nullptr);
@@ -205,15 +203,6 @@ class Run {
   }
 
   // ---- ray sets ----
-
-  rb_build_options BuildOptions(uint32_t threads) const {
-    rb_build_options build = DefaultBuildOptions();
-    build.threads = threads;
-    build.seed = options_.seed;
-    build.memory_limit = options_.memory_limit;
-    build.cancel = InterruptFlag();
-    return build;
-  }
 
   /// Before anything is written: what is wrong with a file is said now.
   void ReadRayFiles() {
@@ -459,7 +448,8 @@ class Run {
 
   Tree TimedBuild(const Entrant& entrant, const rb_geometry& geometry, uint32_t threads,
                   Seconds& seconds) const {
-    const rb_build_options build = BuildOptions(threads);
+    rb_build_options build = BuildOptions(threads, options_.seed);
+    build.memory_limit = options_.memory_limit;
     Pinned pinned(threads == 1);
     const Stopwatch watch(/*process=*/true);
     Tree tree(*entrant.contestant, geometry, build);

@@ -1,0 +1,22 @@
+#include "harness/build_options.h"
+
+#include <tbb/info.h>
+
+#include <algorithm>
+
+#include "accel/registry.h"
+#include "harness/interrupt.h"
+
+namespace raybench {
+
+uint32_t AllThreads() { return uint32_t(std::max(1, tbb::info::default_concurrency())); }
+
+rb_build_options BuildOptions(uint32_t threads, uint64_t seed) {
+  rb_build_options build = DefaultBuildOptions();
+  build.threads = threads != 0 ? threads : AllThreads();
+  build.seed = seed;
+  build.cancel = InterruptFlag();
+  return build;
+}
+
+}  // namespace raybench
