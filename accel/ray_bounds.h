@@ -12,12 +12,18 @@
 // within 6 u |p.x-o.x| + 6 u E along x and y, and within its z extent. The first term moves t by 6 u
 // relatively, the slab arithmetic by 3 u more, at either end: the far end is scaled by 1 + 32 u. The second
 // does not depend on the ray: a triangle's box is padded by 8 u E when the tree is built.
+//
+// Tests in double and exact ones find t itself to within rounding. Their t must not be clamped into an
+// interval that float arithmetic computed (ray_primitive.h), so the near end is scaled too, by 1 - 32 u: then
+// the interval of every box around the primitive holds the exact t and its rounding. A near end below zero
+// moves up, but stays below zero, where it decides nothing.
 #pragma once
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
+#include "accel/ray_triangle.h"
 #include "accel/raybench.h"
 #include "accel/structure.h"
 #include "accel/vec3.h"
@@ -49,19 +55,21 @@ inline Bounds3 PaddedPrimBounds(const rb_geometry& g, uint32_t prim) {
   return PaddedBounds(Vertex(g, prim, 0), Vertex(g, prim, 1), Vertex(g, prim, 2));
 }
 
-/// What a ray brings to slab tests. With `conservative` the far end is scaled as above.
+/// What a ray brings to slab tests, with its ends scaled as above.
 struct SlabRay {
   Vec3f org;
   Vec3f inv_near, inv_far;  ///< 1/d; the near one stays finite
   bool negative[3];         ///< sign bit of d: the upper plane is met first
 
-  SlabRay(const rb_ray& ray, bool conservative) : org(LoadVec3(ray.org)) {
+  SlabRay(const rb_ray& ray, Slack slack) : org(LoadVec3(ray.org)) {
     constexpr float kMax = std::numeric_limits<float>::max();
+    const float near_scale = slack == Slack::kBothEnds ? 1 - 0x1p-19f : 1;
+    const float far_scale = slack == Slack::kNone ? 1 : 1 + 0x1p-19f;
     for (int a = 0; a < 3; ++a) {
       const float inv = 1 / ray.dir[a];
       negative[a] = std::signbit(ray.dir[a]);
-      inv_near[a] = std::fabs(inv) <= kMax ? inv : std::copysign(kMax, inv);
-      inv_far[a] = conservative ? inv * (1 + 0x1p-19f) : inv;
+      inv_near[a] = (std::fabs(inv) <= kMax ? inv : std::copysign(kMax, inv)) * near_scale;
+      inv_far[a] = inv * far_scale;
     }
   }
 

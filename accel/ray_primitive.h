@@ -3,7 +3,8 @@
 //
 // A computed t can fall outside the primitive's own padded box (1.7e-4 of edge-aimed rays). Under
 // conservative numerics it is clamped to the primitive's slab interval: rounding is monotone, so no node
-// above can then cull it, and the winner does not depend on the order of traversal.
+// above can then cull it, and the winner does not depend on the order of traversal. An exact t needs no
+// clamp.
 #pragma once
 
 #include <algorithm>
@@ -20,7 +21,7 @@ struct RayState {
   SlabRay slab;
   Test test;
 
-  explicit RayState(const RayQuery& q) : query(q), slab(q.ray, Test::kConservative), test(q.ray) {}
+  explicit RayState(const RayQuery& q) : query(q), slab(q.ray, Test::kSlack), test(q.ray) {}
 
   /// Takes triangle `prim` into `best` if it is hit and comes before it.
   bool Triangle(Vec3f p0, Vec3f p1, Vec3f p2, uint32_t prim, rb_hit& best) const {
@@ -46,7 +47,12 @@ struct RayState {
 
  private:
   bool Take(const Bounds3& box, PrimHit hit, uint32_t prim, rb_hit& best) const {
-    if constexpr (Test::kConservative) {
+    if constexpr (Test::kNumerics == Numerics::kExact) {
+      // The interval holds for the exact t; but a ray that resumes at a hit goes on from its rounded t.
+      if (hit.beyond > 0 && hit.t == query.ray.tfar) return false;
+      if (hit.beyond > 0 && hit.t == query.ray.tnear && query.after == RAYBENCH_NONE)
+        hit.t = std::nextafter(hit.t, std::numeric_limits<float>::infinity());
+    } else if constexpr (Test::kSlack != Slack::kNone) {
       float tnear, tfar;
       slab.Interval(box, tnear, tfar);
       if (tnear > tfar) return false;

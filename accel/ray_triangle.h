@@ -1,25 +1,30 @@
 // The ray-triangle tests that all structures share, one class each, chosen by the build parameter `numerics`.
 //
-// Each test offers MayHit, a filter over one triangle (F = float) or four at once (F = Float4), and
-// Intersect, which decides. MayHit computes what Intersect computes, in the same order, so it never rejects
-// what Intersect accepts.
+// Each test offers MayHit, a filter over four triangles at once, and Intersect, which decides. MayHit never
+// rejects what Intersect accepts: it computes the same in the same order, or allows for the difference.
+//
+//   fast        Moeller-Trumbore in float: leaks
+//   watertight  Woop in float, signs exact given the sheared vertices: no leaks, ids beside edges by rounding
+//   double      the same in double: right but where surfaces are closer than 2^-50, t within half an ulp
+//   exact       membership by exact predicates, t correctly rounded: the truth
 #pragma once
 
 #include <cstdint>
 #include <utility>
 
+#include "accel/exact.h"
 #include "accel/raybench.h"
 #include "accel/simd.h"
 #include "accel/vec3.h"
 
 namespace raybench {
 
-/// Index of the parameter `numerics`; procedural primitives get it too. Later: double, exact.
-enum class Numerics : uint32_t { kFast, kWatertight };
-inline constexpr const char* kNumericsChoices[] = {"fast", "watertight", nullptr};
+/// Index of the parameter `numerics`; procedural primitives get it too.
+enum class Numerics : uint32_t { kFast, kWatertight, kDouble, kExact };
+inline constexpr const char* kNumericsChoices[] = {"fast", "watertight", "double", "exact", nullptr};
 inline constexpr const char* kNumericsDoc =
     "arithmetic of the ray tests: fast (float, leaks at edges), watertight (float with double fallback, no "
-    "leaks)";
+    "leaks), double (the same in double), exact (exact predicates, t correctly rounded)";
 
 /// Vertex access for MayHit: corner, axis -> the coordinate of four triangles.
 struct Lanes {
@@ -35,6 +40,14 @@ struct Corners {
 /// Candidate hit of one primitive, before the interval and the order are looked at.
 struct PrimHit {
   float t, u, v;
+  int beyond = 0;  ///< sign of (exact t - t), where the test knows it and t is an end of the ray's interval
+};
+
+/// What traversal must allow for, so that it finds whatever the test accepts (ray_bounds.h).
+enum class Slack {
+  kNone,      ///< nothing: textbook traversal, which may lose hits
+  kFarEnd,    ///< errors of float tests; t may err as much as it likes and is clamped into the box
+  kBothEnds,  ///< t is right to 2^-20, and the box must not move it
 };
 
 /// Moeller and Trumbore (1997) in float. Fast; leaks at shared edges.
@@ -54,7 +67,7 @@ class FastTest {
 
  public:
   static constexpr Numerics kNumerics = Numerics::kFast;
-  static constexpr bool kConservative = false;
+  static constexpr Slack kSlack = Slack::kNone;
 
   explicit FastTest(const rb_ray& ray) : org_(LoadVec3(ray.org)), dir_(LoadVec3(ray.dir)) {}
 
@@ -121,7 +134,7 @@ struct RayShear {
 class WatertightTest {
  public:
   static constexpr Numerics kNumerics = Numerics::kWatertight;
-  static constexpr bool kConservative = true;
+  static constexpr Slack kSlack = Slack::kFarEnd;
 
   explicit WatertightTest(const rb_ray& ray) : shear_(ray) {}
 
@@ -182,21 +195,134 @@ class WatertightTest {
   RayShear shear_;
 };
 
+/// The filter before the tests in double and exact: Woop's edge functions in float, with a bound of all their
+/// errors. Let u = 2^-24, M the largest |x|+|y|+|z| of a vertex relative to the origin, X the largest |x| or
+/// |y| of a sheared one. A sheared coordinate errs by at most 4 u M (verdict.cpp has the derivation), so an
+/// edge function, two products and a difference, by 16 u M X + 32 u^2 M^2, and by rounding 4 u X^2 <= 8 u M X
+/// more; 32 u M (X + 4 u M) covers that with X as computed. Only edges that are surely on both sides reject.
+class BoundedFilter {
+ public:
+  explicit BoundedFilter(const rb_ray& ray) : shear_(ray) {}
+
+  /// Bit i: triangle i may be hit.
+  unsigned MayHit(Lanes p) const {
+    Float4 x[3], y[3], reach{}, across{};
+    for (int i = 0; i < 3; ++i) {
+      Float4 z;
+      const Float4 px = p(i, shear_.kx), py = p(i, shear_.ky), pz = p(i, shear_.kz);
+      shear_.Apply(px, py, pz, x[i], y[i], z);
+      reach = MaxOrSecond(Abs(px - shear_.org[shear_.kx]) + Abs(py - shear_.org[shear_.ky]) + Abs(z), reach);
+      across = MaxOrSecond(MaxOrSecond(Abs(x[i]), Abs(y[i])), across);
+    }
+    const Float4 bound = reach * (across + reach * 0x1p-22f) * 0x1p-19f + 0x1p-140f;
+    const Float4 u = x[2] * y[1] - y[2] * x[1], v = x[0] * y[2] - y[0] * x[2], w = x[1] * y[0] - y[1] * x[0];
+    const auto negative = (u < -bound) | (v < -bound) | (w < -bound);
+    const auto positive = (u > bound) | (v > bound) | (w > bound);
+    return ~Mask(negative & positive) & 15u;
+  }
+
+ private:
+  RayShear shear_;
+};
+
+/// Woop's test in double. Signs are exact given the sheared vertices, which are off by 2^-52 of their
+/// distance: where two rounded products are equal, their rounding errors decide.
+class DoubleTest : public BoundedFilter {
+ public:
+  static constexpr Numerics kNumerics = Numerics::kDouble;
+  static constexpr Slack kSlack = Slack::kBothEnds;
+
+  explicit DoubleTest(const rb_ray& ray) : BoundedFilter(ray), org_(ToDouble(LoadVec3(ray.org))) {
+    const RayShear shear(ray);
+    kx_ = shear.kx, ky_ = shear.ky, kz_ = shear.kz;
+    sz_ = 1 / double(ray.dir[kz_]), sx_ = ray.dir[kx_] * sz_, sy_ = ray.dir[ky_] * sz_;
+  }
+
+  bool Intersect(Vec3f p0, Vec3f p1, Vec3f p2, PrimHit& hit) const {
+    const Vec3d a[3] = {ToDouble(p0) - org_, ToDouble(p1) - org_, ToDouble(p2) - org_};
+    double x[3], y[3];
+    for (int i = 0; i < 3; ++i) x[i] = a[i][kx_] - sx_ * a[i][kz_], y[i] = a[i][ky_] - sy_ * a[i][kz_];
+    const double u = Edge(x[2], y[1], y[2], x[1]), v = Edge(x[0], y[2], y[0], x[2]),
+                 w = Edge(x[1], y[0], y[1], x[0]);
+    if ((u < 0 || v < 0 || w < 0) && (u > 0 || v > 0 || w > 0)) return false;
+    const double det = u + v + w;
+    if (det == 0) return false;
+    hit = {float((u * a[0][kz_] + v * a[1][kz_] + w * a[2][kz_]) / det * sz_), float(v / det),
+           float(w / det)};
+    return true;
+  }
+
+ private:
+  /// a b - c d with the right sign.
+  static double Edge(double a, double b, double c, double d) {
+    const double ab = a * b, cd = c * d;
+    return ab != cd ? ab - cd : std::fma(a, b, -ab) - std::fma(c, d, -cd);
+  }
+
+  Vec3d org_;
+  double sx_, sy_, sz_;
+  int kx_, ky_, kz_;
+};
+
+/// The truth: whether the ray meets the closed triangle by exact predicates behind a filter in double
+/// (Shewchuk 1997), t correctly rounded. A triangle in whose plane the ray lies is not hit. u and v are those
+/// of double.
+class ExactTest : public BoundedFilter {
+ public:
+  static constexpr Numerics kNumerics = Numerics::kExact;
+  static constexpr Slack kSlack = Slack::kBothEnds;
+
+  explicit ExactTest(const rb_ray& ray)
+      : BoundedFilter(ray), line_(ray), tnear_(ray.tnear), tfar_(ray.tfar) {}
+
+  bool Intersect(Vec3f p0, Vec3f p1, Vec3f p2, PrimHit& hit) const {
+    const exact::Corners p = {ToDouble(p0), ToDouble(p1), ToDouble(p2)};
+    const exact::Meeting meeting = exact::Meet(line_, p);
+    if (meeting == exact::Meeting::kNone || meeting == exact::Meeting::kInPlane) return false;
+    const auto [t, error] = exact::PlaneApproximate(line_, p);
+    hit.t = float(t), hit.beyond = 0;
+    const bool rounds_surely = float(t - error) == float(t + error);  // false where the error is infinite
+    if (!rounds_surely || hit.t == tnear_ || hit.t == tfar_) {
+      const exact::Ratio ratio = exact::PlaneRatio(line_, p);
+      hit.t = exact::RoundToFloat(ratio);
+      if (hit.t == tnear_ || hit.t == tfar_) hit.beyond = exact::Compare(ratio, hit.t);
+    }
+    const Vec3d a = p[0] - line_.org, b = p[1] - line_.org, c = p[2] - line_.org;
+    const double w0 = Dot(line_.dir, Cross(b, c)), w1 = Dot(line_.dir, Cross(c, a)),
+                 w2 = Dot(line_.dir, Cross(a, b)), sum = w0 + w1 + w2;
+    hit.u = sum != 0 ? float(w1 / sum) : 0, hit.v = sum != 0 ? float(w2 / sum) : 0;
+    return true;
+  }
+
+ private:
+  exact::Line line_;
+  float tnear_, tfar_;
+};
+
 /// Calls fn.operator()<Test>() with the test that the parameter names.
 template <class Fn>
 decltype(auto) WithNumerics(uint32_t numerics, Fn&& fn) {
-  if (Numerics(numerics) == Numerics::kFast) return fn.template operator()<FastTest>();
-  return fn.template operator()<WatertightTest>();
+  switch (Numerics(numerics)) {
+    case Numerics::kFast:
+      return fn.template operator()<FastTest>();
+    case Numerics::kDouble:
+      return fn.template operator()<DoubleTest>();
+    case Numerics::kExact:
+      return fn.template operator()<ExactTest>();
+    default:
+      return fn.template operator()<WatertightTest>();
+  }
 }
 
 /// Whether traversal must find whatever the triangle test accepts.
-inline bool IsConservative(uint32_t numerics) {
-  return WithNumerics(numerics, []<class Test>() { return Test::kConservative; });
-}
+inline bool IsConservative(uint32_t numerics) { return Numerics(numerics) != Numerics::kFast; }
 
-/// RB_CLAIM_* that a tree with conservative traversal may make with these tests.
-inline uint32_t ClaimOf(uint32_t numerics) {
-  return Numerics(numerics) == Numerics::kFast ? RB_CLAIM_INEXACT : RB_CLAIM_WATERTIGHT;
+/// RB_CLAIM_* that a tree with conservative traversal may make with these tests. Procedural primitives are
+/// tested in floating point whatever the numerics.
+inline uint32_t ClaimOf(uint32_t numerics, const rb_geometry& geometry) {
+  if (Numerics(numerics) == Numerics::kFast) return RB_CLAIM_INEXACT;
+  return Numerics(numerics) == Numerics::kExact && geometry.procedural_count == 0 ? RB_CLAIM_EXACT
+                                                                                  : RB_CLAIM_WATERTIGHT;
 }
 
 }  // namespace raybench

@@ -38,6 +38,9 @@ inline Float4 MinOrSecond(Float4 a, Float4 b) {
 #endif
 }
 
+/// Lane-wise |v|.
+inline Float4 Abs(Float4 v) { return Float4(Int4(v) & 0x7FFFFFFF); }
+
 /// Lane i of the result is lane order[i] of v. Only {0,1,2,3} and {2,3,0,1} are used.
 inline Float4 Permute(Float4 v, Int4 order) {
 #if defined(__AVX__)

@@ -194,7 +194,7 @@ PolygonPlane PlaneOf(std::span<const Vec3f> positions, std::span<const uint32_t>
 bool Intersect(const PolygonPlane& plane, std::span<const Vec3f> positions, std::span<const uint32_t> corners,
                const rb_ray& ray, float& t) {
   float tnear, tfar;
-  SlabRay(ray, true).Interval(plane.bounds, tnear, tfar);
+  SlabRay(ray, Slack::kFarEnd).Interval(plane.bounds, tnear, tfar);
   if (!(tnear <= tfar && tfar > ray.tnear && tnear <= ray.tfar)) return false;
 
   const RayShear shear(ray);

@@ -28,7 +28,7 @@
 
 #include "accel/float_state.h"
 #include "datasets/orientation.h"
-#include "harness/exact.h"
+#include "accel/exact.h"
 #include "harness/verdict.h"
 
 namespace raybench {

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "harness/exact.h"
+#include "accel/exact.h"
 #include "harness/verdict.h"
 
 namespace raybench {

@@ -73,7 +73,7 @@
 #include <numeric>
 
 #include "accel/float_state.h"
-#include "harness/exact.h"
+#include "accel/exact.h"
 
 namespace raybench {
 namespace {

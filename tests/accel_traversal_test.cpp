@@ -29,9 +29,12 @@ std::vector<Mesh> NastyMeshes() {
 
 class BvhSah : public ::testing::TestWithParam<Mesh> {};
 
-TEST_P(BvhSah, AnswersAsBruteForceBitForBit) {
-  const Mesh& mesh = GetParam();
-  const Tree bvh = Build("bvh_sah", mesh.Geometry()), brute = Build("brute", mesh.Geometry());
+class BvhSahNumerics : public ::testing::TestWithParam<std::tuple<Mesh, std::string>> {};
+
+TEST_P(BvhSahNumerics, AnswersAsBruteForceBitForBit) {
+  const auto& [mesh, numerics] = GetParam();
+  const Tree bvh = Build("bvh_sah(numerics=" + numerics + ")", mesh.Geometry()),
+             brute = Build("brute(numerics=" + numerics + ")", mesh.Geometry());
   const auto rays = NastyRays(mesh, 400, 5);
   const auto expected = Closest(brute, rays), got = Closest(bvh, rays);
   const auto shadow = Occluded(bvh, rays);
@@ -44,6 +47,13 @@ TEST_P(BvhSah, AnswersAsBruteForceBitForBit) {
   }
   EXPECT_TRUE(mesh.triangles.empty() || hits > rays.size() / 10) << hits << " hits";
 }
+
+INSTANTIATE_TEST_SUITE_P(Meshes, BvhSahNumerics,
+                         ::testing::Combine(::testing::ValuesIn(NastyMeshes()),
+                                            ::testing::Values("watertight", "double", "exact")),
+                         [](const auto& i) {
+                           return std::get<0>(i.param).name + "_" + std::get<1>(i.param);
+                         });
 
 TEST_P(BvhSah, ParametersDoNotChangeTheAnswer) {
   const Mesh& mesh = GetParam();
@@ -226,6 +236,8 @@ TEST(RayTriangle, FourLanesNeverRejectWhatOneAccepts) {
   };
   check.operator()<FastTest>();
   check.operator()<WatertightTest>();
+  check.operator()<DoubleTest>();
+  check.operator()<ExactTest>();
   EXPECT_GT(accepted, rays.size());
 }
 
@@ -268,7 +280,7 @@ TEST(RayBounds, NestedBoxesHaveNestedIntervals) {
                0,
                {random.NextFloat() - 0.5f, random.Below(2) ? 0.0f : -0.0f, random.Below(2) ? 1e-41f : -0.5f},
                INFINITY};
-    const SlabRay slab(ray, true);
+    const SlabRay slab(ray, Slack::kFarEnd);
     float n0, f0, n1, f1;
     slab.Interval(inner, n0, f0);
     slab.Interval(outer, n1, f1);
@@ -283,10 +295,10 @@ TEST(RayBounds, RaysInAFaceOfTheBoxHitIt) {
     for (float zero : {0.0f, -0.0f, 1e-42f, -1e-42f}) {
       rb_ray ray{{0.25f, -5, 3}, 0, {zero, 1, zero}, INFINITY};
       float n, f;
-      SlabRay(ray, true).Interval(b, n, f);
+      SlabRay(ray, Slack::kFarEnd).Interval(b, n, f);
       EXPECT_LE(n, f) << zero;
       ray.org[2] = 3.001f;  // beside the face: a miss
-      SlabRay(ray, true).Interval(b, n, f);
+      SlabRay(ray, Slack::kFarEnd).Interval(b, n, f);
       EXPECT_GT(n, f) << zero;
     }
   }
@@ -313,9 +325,9 @@ TEST(RayBounds, AcceptedHitsLieInThePaddedBoxOfLongTrianglesToo) {
     if (!WatertightTest(ray).Intersect(p[0], p[1], p[2], hit)) continue;
     ++accepted;
     float n, f;
-    SlabRay(ray, true).Interval(PaddedBounds(p[0], p[1], p[2]), n, f);
+    SlabRay(ray, Slack::kFarEnd).Interval(PaddedBounds(p[0], p[1], p[2]), n, f);
     ASSERT_LE(n, f) << i;
-    SlabRay(ray, true).Interval({Min(Min(p[0], p[1]), p[2]), Max(Max(p[0], p[1]), p[2])}, n, f);
+    SlabRay(ray, Slack::kFarEnd).Interval({Min(Min(p[0], p[1]), p[2]), Max(Max(p[0], p[1]), p[2])}, n, f);
     outside_unpadded += n > f;
   }
   EXPECT_GT(accepted, 10000u);

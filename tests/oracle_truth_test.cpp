@@ -4,7 +4,7 @@
 #include <boost/multiprecision/cpp_int.hpp>
 
 #include "accel/registry.h"
-#include "harness/exact.h"
+#include "accel/exact.h"
 #include "harness/oracle.h"
 #include "oracle_scenes.h"
 

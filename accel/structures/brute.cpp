@@ -37,7 +37,7 @@ class Brute {
       });
     });
   }
-  uint32_t Claims() const { return ClaimOf(config_.numerics); }
+  uint32_t Claims() const { return ClaimOf(config_.numerics, geometry_); }
   MemoryUse Memory() const { return {0, 0, true}; }
 
  private:

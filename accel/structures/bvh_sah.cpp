@@ -43,7 +43,7 @@ class BvhSah {
   }
 
   BvhSah(const rb_geometry& geometry, const rb_build_options& options, const Config& config)
-      : config_(config) {
+      : numerics_(config.numerics), claim_(ClaimOf(config.numerics, geometry)) {
     const uint64_t prims = PrimCount(geometry);
     if (prims == 0) return;
     if (const uint64_t need = BinnedSahPeakBytes(prims);
@@ -63,9 +63,9 @@ class BvhSah {
 
   template <class Counter>
   void Query(const rb_query& query) const {
-    WithNumerics(config_.numerics, [&]<class Test>() { bvh_.Query<Test, Counter>(query); });
+    WithNumerics(numerics_, [&]<class Test>() { bvh_.Query<Test, Counter>(query); });
   }
-  uint32_t Claims() const { return ClaimOf(config_.numerics); }
+  uint32_t Claims() const { return claim_; }
   MemoryUse Memory() const { return bvh_.Memory(); }
   template <class Fn>
   int Visit(Fn&& node) const {
@@ -73,7 +73,7 @@ class BvhSah {
   }
 
  private:
-  Config config_;
+  uint32_t numerics_, claim_;
   Bvh2 bvh_;
 };
 

@@ -10,6 +10,7 @@
 #pragma once
 
 #include <array>
+#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -160,8 +161,22 @@ struct Ratio {
 inline int Compare(const Ratio& a, const Ratio& b) {
   return (a.numerator * b.denominator - b.numerator * a.denominator).Sign();
 }
-/// Sign of a - t.
-inline int Compare(const Ratio& a, float t) { return (a.numerator - a.denominator * double(t)).Sign(); }
+/// Sign of a - t, for a t that a float or the middle of two floats can be.
+inline int Compare(const Ratio& a, double t) { return (a.numerator - a.denominator * t).Sign(); }
+
+/// The quotient correctly rounded to float, ties to even; infinite beyond the range of float.
+inline float RoundToFloat(const Ratio& a) {
+  // Rounding twice errs by one float at most, and only beside the middle of two floats.
+  const float guess = float(a.Value());
+  if (!(std::fabs(guess) < std::numeric_limits<float>::max())) return guess;
+  for (const float away : {-std::numeric_limits<float>::infinity(), std::numeric_limits<float>::infinity()}) {
+    const float other = std::nextafterf(guess, away);
+    const int beyond = Compare(a, 0.5 * (double(guess) + double(other))) * (away > 0 ? 1 : -1);
+    const bool guess_is_odd = (std::bit_cast<uint32_t>(guess) & 1u) != 0;
+    if (beyond > 0 || (beyond == 0 && guess_is_odd)) return other;
+  }
+  return guess;
+}
 
 template <class T>
 using Triple = std::array<T, 3>;
@@ -231,7 +246,7 @@ inline Approximate PlaneApproximate(const Line& line, const Corners& p) {
 /// How a line meets a closed triangle. The triangle is not degenerate.
 enum class Meeting : uint8_t { kNone, kInterior, kEdge, kVertex, kInPlane };
 
-/// kInPlane: the line lies in the triangle's plane (whether it meets the triangle is told by ClipInPlane).
+/// kInPlane: the line lies in the triangle's plane (whether it meets the triangle is told by MeetsInPlane).
 inline Meeting Meet(const Line& line, const Corners& p) {
   int zeros = 0, sum = 0;
   for (int i = 0; i < 3; ++i) {
