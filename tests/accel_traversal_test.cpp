@@ -141,7 +141,7 @@ TEST(BvhSah, MemoryLimitAndCancelEndTheBuild) {
 
 TEST(Contract, ClosestHitsCanBeWalkedInOrder) {
   const Mesh mesh = Coincident(5);
-  for (const char* spec : {"brute", "bvh_sah"}) {
+  for (const char* spec : {"brute", "bvh_sah", "bvh_sah(numerics=double)", "bvh_sah(numerics=exact)"}) {
     const Tree tree = Build(spec, mesh.Geometry());
     rb_ray ray{{0.6f, 0.3f, 5}, 0, {0, 0, -1}, INFINITY};
     std::vector<uint32_t> order;
@@ -161,7 +161,7 @@ TEST(Contract, ClosestHitsCanBeWalkedInOrder) {
 
 TEST(Contract, SkippedPrimitivesAndIntervalEndsCountAsSaid) {
   const Mesh mesh = Coincident(2);
-  for (const char* spec : {"brute", "bvh_sah"}) {
+  for (const char* spec : {"brute", "bvh_sah", "bvh_sah(numerics=double)", "bvh_sah(numerics=exact)"}) {
     const Tree tree = Build(spec, mesh.Geometry());
     const rb_ray ray{{0.6f, 0.3f, 5}, 0, {0, 0, -1}, INFINITY};
     const uint32_t skip = 0;
