@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
 #include <cstring>
 
 namespace raybench {
@@ -107,13 +108,19 @@ std::string CheckAnswers(const Tree& tree, const Oracle& oracle, uint64_t primit
     sum.steps += c.steps, sum.leaves += c.leaves, sum.empty_leaves += c.empty_leaves;
     sum.bounds += c.bounds, sum.prims += c.prims, sum.bytes += c.bytes;
   }
-  const double n = double(counts.size());
+  const double n = double(counts.size()), mean_leaves = double(sum.leaves) / n;
+  double leaf_squares = 0;
+  for (const rb_counts& c : counts) {
+    const double off = double(c.leaves) - mean_leaves;
+    leaf_squares += off * off;
+  }
   values["steps"] = double(sum.steps) / n;
   values["leaves"] = double(sum.leaves) / n;
   values["empty_leaves"] = double(sum.empty_leaves) / n;
   values["bounds"] = double(sum.bounds) / n;
   values["prims"] = double(sum.prims) / n;
   values["bytes"] = double(sum.bytes) / n;
+  values["lcv"] = std::sqrt(leaf_squares / n);
   return {};
 }
 

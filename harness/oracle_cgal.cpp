@@ -26,9 +26,9 @@
 #include <mutex>
 #include <stdexcept>
 
+#include "accel/exact.h"
 #include "accel/float_state.h"
 #include "datasets/orientation.h"
-#include "accel/exact.h"
 #include "harness/verdict.h"
 
 namespace raybench {

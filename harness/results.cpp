@@ -49,13 +49,15 @@ constexpr const char* kCaseColumns[] = {"case_id",
                                         "empty_leaves",
                                         "bounds",
                                         "prims",
-                                        "bytes",  //
+                                        "bytes",
+                                        "lcv",  //
                                         "inner_nodes",
                                         "leaf_nodes",
                                         "empty_leaf_nodes",
                                         "references",
                                         "depth",
-                                        "sah_cost",  //
+                                        "sah_cost",
+                                        "epo",  //
                                         "node_bytes",
                                         "prim_bytes",
                                         "needs_geometry",

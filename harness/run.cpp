@@ -16,6 +16,7 @@
 #include "datasets/hash.h"
 #include "harness/build_options.h"
 #include "harness/check.h"
+#include "harness/end_point_overlap.h"
 #include "harness/heat_files.h"
 #include "harness/interrupt.h"
 #include "harness/load.h"
@@ -45,6 +46,9 @@ constexpr double kLongPassSeconds = 0.25;
 constexpr double kBruteBudget = 0x1p25;
 /// The same for truth by brute force, over all sets of a scene.
 constexpr double kDoubleOracleBudget = 0x1p31;
+
+/// Triangles whose overlap with strange nodes is measured.
+constexpr uint64_t kOverlapSamples = 1 << 14;
 
 /// Pixels across the heat maps of the report.
 constexpr uint32_t kHeatSide = 256;
@@ -385,7 +389,8 @@ class Run {
     std::string flaw;
     if (const auto statistics = ReadTree(entrant.tree, geometry)) {
       flaw = statistics->enclosure_flaw;
-      AddTreeValues(entrant, *statistics);
+      AddTreeValues(entrant, *statistics,
+                    EndPointOverlap(entrant.tree, geometry, kOverlapSamples, options_.seed));
     }
     entrant.set_values.assign(sets.size(), Json::object());
     for (size_t i = 0; i < sets.size(); ++i) {
@@ -457,7 +462,7 @@ class Run {
     return tree;
   }
 
-  void AddTreeValues(Entrant& entrant, const TreeStatistics& s) {
+  static void AddTreeValues(Entrant& entrant, const TreeStatistics& s, std::optional<double> overlap) {
     for (auto& [threads, values] : entrant.build_values) {
       if (!values.contains("node_bytes")) continue;
       values["inner_nodes"] = s.inner_nodes;
@@ -466,6 +471,7 @@ class Run {
       values["references"] = s.references;
       values["depth"] = s.depth;
       if (s.sah_cost) values["sah_cost"] = *s.sah_cost;
+      if (overlap) values["epo"] = *overlap;
     }
   }
 

@@ -72,8 +72,8 @@
 #include <cmath>
 #include <numeric>
 
-#include "accel/float_state.h"
 #include "accel/exact.h"
+#include "accel/float_state.h"
 
 namespace raybench {
 namespace {

@@ -6,6 +6,7 @@
 #include <random>
 #include <vector>
 
+#include "harness/end_point_overlap.h"
 #include "harness/plan.h"
 #include "harness/statistics.h"
 #include "tests/meshes.h"
@@ -68,11 +69,14 @@ struct HandTree {
       return 0;
     };
   }
-  std::optional<TreeStatistics> Read(const rb_geometry& geometry) {
+  Tree Build(const rb_geometry& geometry) {
     HandTree* self = this;
     Contestant contestant{&table, std::vector<std::byte>(sizeof self)};
     std::memcpy(contestant.config.data(), &self, sizeof self);
-    return ReadTree(Tree(contestant, geometry, DefaultBuildOptions()), geometry);
+    return Tree(contestant, geometry, DefaultBuildOptions());
+  }
+  std::optional<TreeStatistics> Read(const rb_geometry& geometry) {
+    return ReadTree(Build(geometry), geometry);
   }
 };
 
@@ -143,6 +147,30 @@ TEST(HarnessTreeStatistics, EveryBuiltInTreeEnclosesItsPrimitives) {
       EXPECT_GE(statistics->references, ball.triangles.size());
     }
   }
+}
+
+TEST(HarnessEndPointOverlap, CountsTheAreaOfStrangersInEachNode) {
+  const testing::Mesh mesh = TwoTriangles();
+  const float root[] = {0, 0, 0, 3, 1, 1}, left[] = {0, 0, 0, 1, 1, 1}, right[] = {2, 0, 0, 3, 1, 1},
+              wide[] = {0, 0, 0, 3, 1, 0.5f};
+  const uint32_t prims[] = {0, 1};
+  HandTree hand;
+  hand.nodes = {{0, 0, 0, RB_SHAPE_BOX, root, 6, 0, nullptr},
+                {1, 1, 0, RB_SHAPE_BOX, left, 6, 1, prims},
+                {1, 1, 0, RB_SHAPE_BOX, right, 6, 1, prims + 1}};
+  EXPECT_EQ(EndPointOverlap(hand.Build(mesh.Geometry()), mesh.Geometry(), 100, 1), 0.0);
+  // Both triangles have the same area; of the second, 1 - 1/2^2 of it lies below z = 0.5, in the first one's
+  // leaf. Below an inner node of the same box that counts twice.
+  hand.nodes[1].bounds = wide;
+  const auto once = EndPointOverlap(hand.Build(mesh.Geometry()), mesh.Geometry(), 100, 1);
+  ASSERT_TRUE(once);
+  EXPECT_NEAR(*once, 0.75 / 2, 1e-12);
+  hand.nodes.insert(hand.nodes.begin() + 1, {1, 0, 0, RB_SHAPE_BOX, wide, 6, 0, nullptr});
+  hand.nodes[2].depth = 2;
+  EXPECT_NEAR(*EndPointOverlap(hand.Build(mesh.Geometry()), mesh.Geometry(), 100, 1), 2 * 0.75 / 2, 1e-12);
+  // A leaf of two primitives costs two, and both belong to it.
+  hand.nodes[2].prim_count = 2;
+  EXPECT_EQ(*EndPointOverlap(hand.Build(mesh.Geometry()), mesh.Geometry(), 100, 1), 0);
 }
 
 TEST(HarnessPlan, PicksAreDistinctAscendingSeededAndAllOfASmallSet) {

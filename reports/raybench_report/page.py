@@ -112,6 +112,7 @@ _BUILD_COLUMNS = [
     ("leaves", True, _number("leaf_nodes", "{:,.0f}")),
     ("references", True, _number("references", "{:,.0f}")),
     ("SAH cost", True, _number("sah_cost", "{:,.4g}")),
+    ("EPO", True, _number("epo", "{:,.4g}")),
     ("nodes, MB", True, _number("node_bytes", "{:,.3f}", 1e-6)),
     ("copied primitives, MB", True, _number("prim_bytes", "{:,.3f}", 1e-6)),
     ("scene still needed", False, lambda case: {0: "no", 1: "yes"}.get(case.needs_geometry)),
