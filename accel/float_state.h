@@ -7,25 +7,30 @@
 
 namespace raybench {
 
-/// Sets the IEEE state of this thread for its lifetime and restores what was there.
+/// Sets the state of this thread, IEEE unless said otherwise, for its lifetime and restores what was there.
 class FloatState {
  public:
+  /// Values of the control register: all exceptions masked, round to nearest; the other one takes subnormals
+  /// for zero, read or made.
+  static constexpr unsigned kIeee = 0x1F80, kFlushing = 0x9FC0;
+
 #if defined(__SSE__)
-  FloatState() : saved_(_mm_getcsr()) {
-    if (saved_ != kIeee) _mm_setcsr(kIeee);
+  explicit FloatState(unsigned state = kIeee) : saved_(_mm_getcsr()) {
+    if (saved_ != state) _mm_setcsr(state);
   }
   ~FloatState() {
     if (_mm_getcsr() != saved_) _mm_setcsr(saved_);
   }
 
  private:
-  static constexpr unsigned kIeee = 0x1F80;  // all exceptions masked, nearest, no flush-to-zero
   unsigned saved_;
+
+ public:
 #else
-  FloatState() {}
+  explicit FloatState(unsigned = kIeee) {}
   ~FloatState() {}
 #endif
- public:
+
   FloatState(const FloatState&) = delete;
   FloatState& operator=(const FloatState&) = delete;
 };
