@@ -94,7 +94,8 @@ enum {
   RB_CAN_AFTER = 4,
   RB_CAN_SKIP = 8,
   RB_NATIVE_BATCH = 16, /* rays of a batch are traced together (packets, streams) */
-  RB_DETERMINISTIC = 32
+  RB_DETERMINISTIC = 32,
+  RB_LINEAR = 64 /* every ray looks at every primitive: runs leave it out where that takes too long */
 };
 
 /* What a built tree claims about its answers. A broken claim fails a run.
@@ -102,9 +103,9 @@ enum {
  * EXACT: the truth on every ray. */
 enum { RB_CLAIM_NOTHING, RB_CLAIM_INEXACT, RB_CLAIM_WATERTIGHT, RB_CLAIM_EXACT };
 
-/* One node, shown by visit() in pre-order. bounds of a box: lo x y z, hi x y z; of a sphere: centre, radius; of
- * a k-DOP: k/2 lower ends, then k/2 upper ones, along x, y, z and the directions that accel/bounds/kdop.h lists
- * for k = bounds_count. */
+/* One node, shown by visit() in pre-order. bounds of a box: lo x y z, hi x y z; of a sphere: centre, radius;
+ * of a k-DOP: k/2 lower ends, then k/2 upper ones, along x, y, z and the directions that accel/bounds/kdop.h
+ * lists for k = bounds_count. */
 enum { RB_SHAPE_BOX, RB_SHAPE_SPHERE, RB_SHAPE_KDOP };
 typedef struct {
   uint32_t depth, is_leaf; /* root: depth 0 */

@@ -41,9 +41,9 @@ namespace {
 constexpr double kSampleSeconds = 0.02;
 /// A pass longer than this fills the caches in a small part of itself and needs no untimed one before it.
 constexpr double kLongPassSeconds = 0.25;
-/// `brute` is left out where one pass would take more ray-primitive tests than this, about half a second; in
-/// a quick run a quarter of it.
-constexpr double kBruteBudget = 0x1p25;
+/// What is linear (RB_LINEAR) is left out where one pass would look at more primitives than this, about half
+/// a second; in a quick run a quarter of it.
+constexpr double kLinearBudget = 0x1p25;
 /// The same for truth by brute force, over all sets of a scene.
 constexpr double kDoubleOracleBudget = 0x1p31;
 
@@ -290,7 +290,7 @@ class Run {
   }
 
   std::vector<Entrant> Plan(const std::vector<PreparedSet>& sets) {
-    const double brute_budget = options_.quick ? kBruteBudget / 4 : kBruteBudget;
+    const double budget = options_.quick ? kLinearBudget / 4 : kLinearBudget;
     std::vector<Entrant> entrants;
     plan_size_ = 0;
     for (const Contestant& contestant : contestants_) {
@@ -323,10 +323,9 @@ class Run {
         key.ray_set = set.Label(), key.ray_hash = set.hash, key.order = set.order;
         key.query = QueryName(set.query), key.rays = set.rays.size();
         std::string why = skip;
-        if (why.empty() && key.structure == "brute" &&
-            double(key.rays) * double(key.primitives) > brute_budget) {
-          why = fmt::format("rays x primitives exceeds {:.0f} million tests a pass", brute_budget * 1e-6);
-        }
+        const bool linear = (contestant.structure->capabilities & RB_LINEAR) != 0;
+        if (why.empty() && linear && double(key.rays) * double(key.primitives) > budget)
+          why = fmt::format("rays x primitives exceeds {:.0f} million tests a pass", budget * 1e-6);
         for (uint32_t threads : QueryThreads()) {
           key.threads = threads;
           plan(key, i, why);

@@ -27,7 +27,7 @@ class BoundsFlat {
   static constexpr const char* kSource =
       "Weghorst, Hooper, Greenberg 1984: Improved computational methods for ray tracing";
   static constexpr uint64_t kCapabilities =
-      RB_CAN_COUNT | RB_CAN_PROCEDURAL | RB_CAN_AFTER | RB_CAN_SKIP | RB_DETERMINISTIC;
+      RB_CAN_COUNT | RB_CAN_PROCEDURAL | RB_CAN_AFTER | RB_CAN_SKIP | RB_DETERMINISTIC | RB_LINEAR;
   static std::span<const rb_param> Params() {
     static const char* const kBounds[] = {"sphere", "box", "kdop14", "kdop26", nullptr};
     static const rb_param params[] = {
