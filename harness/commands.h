@@ -29,6 +29,7 @@ void AddRaysCommand(CLI::App& app, Invocation& invocation);
 void AddListCommand(CLI::App& app, Invocation& invocation);
 void AddListSceneCommand(CLI::App& list, Invocation& invocation);  ///< below `list`
 void AddFetchCommand(CLI::App& app, Invocation& invocation);
+void AddExtremesCommand(CLI::App& app, Invocation& invocation);
 void AddReportCommand(CLI::App& app, Invocation& invocation);
 
 /// A command whose options are a T, made here and kept by `act`: calls add(command, options) once, and

@@ -23,6 +23,7 @@ Examples:
   raybench render engine -o engine.png --size 1280x720
   raybench list structures              parameters with ranges and defaults
   raybench fetch engine                 get a real model
+  raybench extremes --quick             where answers begin to fail: far away, slivers, copies, ...
   raybench report results/mine          draw the plots
 Exit codes: 0 fine; 1 a claim was broken; 2 wrong input; 3 inconclusive; 130 interrupted.)help";
 
@@ -43,6 +44,7 @@ int Main(std::vector<std::string> arguments) {
   AddRaysCommand(app, invocation);
   AddListCommand(app, invocation);
   AddFetchCommand(app, invocation);
+  AddExtremesCommand(app, invocation);
   AddReportCommand(app, invocation);
 
   // Google Benchmark's flags are its own: they are set aside before ours are read.

@@ -1,0 +1,328 @@
+#include "harness/extremes/point.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <new>
+
+#include "harness/build_options.h"
+#include "harness/check.h"
+#include "harness/interrupt.h"
+#include "harness/measure.h"
+#include "harness/statistics.h"
+
+namespace raybench::extremes {
+namespace {
+
+/// `brute` gets as many rays as make this many tests in a pass, but never fewer than kFewestRays.
+constexpr double kBruteTests = 0x1p20;
+constexpr uint64_t kFewestRays = 16;
+constexpr int kPasses = 3;
+
+constexpr const char* kColumns[] = {"suite",
+                                    "variant",
+                                    "magnitude",
+                                    "in_range",  //
+                                    "structure",
+                                    "spec",
+                                    "params",
+                                    "triangles",  //
+                                    "status",
+                                    "note",
+                                    "claim",
+                                    "oracle",
+                                    "rays",  //
+                                    "exact",
+                                    "tie",
+                                    "neighbour",
+                                    "leak",
+                                    "wrong",
+                                    "wrong_marginal",  //
+                                    "false_miss",
+                                    "false_miss_marginal",
+                                    "false_hit",
+                                    "false_hit_marginal",  //
+                                    "failures",
+                                    "failure_rate",
+                                    "failure_bound",  //
+                                    "second_rays",
+                                    "second",
+                                    "second_rate",
+                                    "second_bound",  //
+                                    "other_primitive",
+                                    "t_error_p50",
+                                    "t_error_p99",
+                                    "t_error_max",  //
+                                    "depth",
+                                    "node_bytes",
+                                    "prim_bytes",
+                                    "build_ms",
+                                    "ns_per_ray",
+                                    "seed"};
+
+/// One contestant at this point.
+struct Entrant {
+  const Contestant* contestant = nullptr;
+  Json row;
+  Tree tree;
+  std::vector<rb_ray> rays;
+  std::vector<uint32_t> skip;
+  std::vector<rb_hit> hits;
+  std::vector<double> pass_ns;
+
+  rb_query Query() {
+    rb_query query = {};
+    query.struct_size = sizeof query;
+    query.kind = RB_CLOSEST;
+    query.n = rays.size();
+    query.rays = rays.data();
+    query.skip = skip.empty() ? nullptr : skip.data();
+    query.hits = hits.data();
+    return query;
+  }
+};
+
+uint64_t RaysFor(const Contestant& contestant, const Scene& scene, uint64_t rays) {
+  if (std::string_view(contestant.structure->name) != "brute") return rays;
+  const auto affordable = uint64_t(kBruteTests / double(std::max<uint64_t>(1, scene.primitive_count())));
+  return std::min(rays, std::max(kFewestRays, affordable));
+}
+
+/// As C writes floats without loss.
+std::string Exactly(const float (&v)[3]) { return fmt::format("({:a}, {:a}, {:a})", v[0], v[1], v[2]); }
+
+/// The first ray that breaks the claim, with all that replays it in the scene of this point.
+std::string FirstBreaking(const Oracle& oracle, uint32_t claim, const Entrant& e,
+                          std::span<const Truth> truth) {
+  for (size_t i = 0; i < e.rays.size(); ++i) {
+    const rb_ray& ray = e.rays[i];
+    const VerdictCounts one =
+        JudgeAll(oracle, RB_CLOSEST, {&ray, 1}, truth.subspan(i, 1), {&e.hits[i], 1}, {}, 1);
+    if (!BreaksClaim(claim, one)) continue;
+    const Verdict verdict = oracle.Judge(ray, truth[i], e.hits[i]);
+    return fmt::format(
+        "ray {}: org {} dir {} tnear {} is answered primitive {} at t {:a} ({}); true is primitive {} at t "
+        "{:a}",
+        i, Exactly(ray.org), Exactly(ray.dir), ray.tnear, int32_t(e.hits[i].prim), e.hits[i].t,
+        VerdictName(verdict), truth[i].hit ? int64_t(truth[i].tied.front()) : -1, truth[i].t);
+  }
+  return "no single ray breaks it";
+}
+
+class PointRun {
+ public:
+  PointRun(const Suite& suite, const Point& point, const std::vector<Contestant>& contestants,
+           const PointOptions& options)
+      : suite_(suite), point_(point), options_(options) {
+    for (const Contestant& contestant : contestants) {
+      entrants_.emplace_back();
+      entrants_.back().contestant = &contestant;
+      Json& row = entrants_.back().row;
+      for (const char* column : kColumns) row[column] = nullptr;
+      row["suite"] = suite.name;
+      if (!point.variant.empty()) row["variant"] = point.variant;
+      row["magnitude"] = point.magnitude;
+      row["in_range"] = point.valid;
+      row["structure"] = contestant.structure->name;
+      row["spec"] = contestant.Spec();
+      row["params"] = contestant.Params();
+      row["seed"] = options.seed;
+    }
+  }
+
+  std::vector<Json> Go() {
+    if (MakeWorkload()) {
+      for (Entrant& e : entrants_) {
+        ThrowIfInterrupted();
+        if (options_.progress) options_.progress(e.row["spec"].get<std::string>());
+        Prepare(e);
+      }
+      Time();
+    }
+    std::vector<Json> rows;
+    for (Entrant& e : entrants_) rows.push_back(std::move(e.row));
+    return rows;
+  }
+
+ private:
+  /// False where the scene model refuses the input; the rows say so then.
+  bool MakeWorkload() {
+    try {
+      work_ = suite_.make(point_, options_.rays, options_.seed);
+    } catch (const InputError& error) {
+      for (Entrant& e : entrants_) e.row["status"] = "refused", e.row["note"] = error.what();
+      return false;
+    }
+    geometry_ = work_.scene.Geometry();
+    oracle_ = MakeOracle(work_.scene);
+    if (!work_.leave) truth_ = oracle_->Ask(work_.rays, 0);
+    return true;
+  }
+
+  void Prepare(Entrant& e) {
+    e.row["triangles"] = work_.scene.triangles.size();
+    e.row["oracle"] = oracle_->Name();
+    if (!work_.note.empty()) e.row["note"] = work_.note;
+    try {
+      rb_build_options build = BuildOptions(1, options_.seed);
+      build.needs |= RB_NEED_UV | (work_.leave ? RB_NEED_SKIP : 0);
+      const Pinned pinned(true);
+      const Stopwatch watch(/*process=*/true);
+      e.tree = Tree(*e.contestant, geometry_, build);
+      e.row["build_ms"] = watch.Elapsed().cpu * 1e3;
+    } catch (const BuildError& error) {
+      ThrowIfInterrupted();
+      return Skip(e, error.what());
+    } catch (const std::bad_alloc&) {
+      return Skip(e, "out of memory");
+    }
+    uint64_t nodes = 0, prims = 0;
+    int needs_geometry = 0;
+    e.tree.structure().memory(e.tree.get(), &nodes, &prims, &needs_geometry);
+    e.row["node_bytes"] = nodes, e.row["prim_bytes"] = prims;
+    e.row["claim"] = ClaimName(e.tree.Claims());
+    std::string flaw;
+    if (const auto statistics = ReadTree(e.tree, geometry_)) {
+      e.row["depth"] = statistics->depth;
+      flaw = statistics->enclosure_flaw;
+    }
+    e.rays.assign(work_.rays.begin(),
+                  work_.rays.begin() + long(RaysFor(*e.contestant, work_.scene, work_.rays.size())));
+    e.hits.resize(e.rays.size());
+    if (work_.leave) {
+      e.tree.Query(e.Query());
+      work_.leave(work_.scene, e.hits, e.rays, e.skip);
+      if (!e.skip.empty() && (e.tree.structure().capabilities & RB_CAN_SKIP) == 0)
+        return Skip(e, "the structure cannot skip a primitive");
+      e.hits.resize(e.rays.size());
+    }
+    if (e.rays.empty()) return Skip(e, "no ray reaches the surface");
+    e.tree.Query(e.Query());
+    Judge(e, std::move(flaw));
+  }
+
+  static void Skip(Entrant& e, const std::string& why) {
+    e.row["status"] = "skipped", e.row["note"] = why;
+    e.tree = Tree();
+  }
+
+  void Judge(Entrant& e, std::string flaw) {
+    const std::vector<Truth> own = work_.leave ? oracle_->Ask(e.rays, 0) : std::vector<Truth>();
+    const std::span<const Truth> truth = std::span(work_.leave ? own : truth_).first(e.rays.size());
+    e.row["rays"] = e.rays.size();
+    e.row["status"] = "measured";
+    uint64_t failures = 0, second = 0, second_rays = 0, other = 0;
+    for (size_t i = 0; i < e.rays.size(); ++i) {
+      if (work_.fails) failures += work_.fails(truth[i], e.hits[i]);
+      if (work_.second && (!work_.second_on_odd_rays || i % 2 != 0))
+        ++second_rays, second += work_.second(truth[i], e.hits[i]);
+    }
+    // The oracle knows no skipped primitive.
+    if (e.skip.empty()) {
+      const VerdictCounts counts = JudgeAll(*oracle_, RB_CLOSEST, e.rays, truth, e.hits, {}, 0);
+      if (!work_.fails) failures = counts.leaks() + counts.plain_errors();
+      for (size_t v = 0; v < size_t(Verdict::kCount); ++v)
+        e.row[VerdictName(Verdict(v))] = counts.by_class[v];
+      other = counts.rays - counts[Verdict::kExact] - counts[Verdict::kTie];
+      e.row["other_primitive"] = other;
+      if (other < counts.rays) {
+        e.row["t_error_p50"] = counts.t_error_p50;
+        e.row["t_error_p99"] = counts.t_error_p99;
+        e.row["t_error_max"] = counts.t_error_max;
+      }
+      if (flaw.empty() && BreaksClaim(e.tree.Claims(), counts))
+        flaw = fmt::format("claims {}; {}", ClaimName(e.tree.Claims()),
+                           FirstBreaking(*oracle_, e.tree.Claims(), e, truth));
+    }
+    e.row["failures"] = failures;
+    e.row["failure_rate"] = double(failures) / double(e.rays.size());
+    e.row["failure_bound"] = UpperBound(failures, e.rays.size());
+    if (work_.second) {
+      e.row["second_rays"] = second_rays;
+      e.row["second"] = second;
+      if (second_rays > 0) e.row["second_rate"] = double(second) / double(second_rays);
+      e.row["second_bound"] = UpperBound(second, second_rays);
+    }
+    if (!flaw.empty()) e.row["status"] = "broken", e.row["note"] = flaw;
+  }
+
+  /// Passes of all trees take turns; the median counts. Rough: few passes, one process.
+  void Time() {
+    for (int pass = 0; pass < kPasses; ++pass) {
+      for (Entrant& e : entrants_) {
+        if (!e.tree) continue;
+        ThrowIfInterrupted();
+        const Pinned pinned(true);
+        const Stopwatch watch(/*process=*/false);
+        e.tree.Query(e.Query());
+        e.pass_ns.push_back(watch.Elapsed().cpu * 1e9 / double(e.rays.size()));
+      }
+    }
+    for (Entrant& e : entrants_)
+      if (!e.pass_ns.empty()) e.row["ns_per_ray"] = MedianOf(e.pass_ns).median;
+  }
+
+  const Suite& suite_;
+  const Point& point_;
+  const PointOptions& options_;
+  std::vector<Entrant> entrants_;
+  Workload work_;
+  rb_geometry geometry_ = {};
+  std::unique_ptr<Oracle> oracle_;
+  std::vector<Truth> truth_;
+};
+
+/// P(X <= k) for X binomial with n trials of probability p.
+double BinomialCdf(uint64_t k, uint64_t n, double p) {
+  const double log_p = std::log(p), log_q = std::log1p(-p);
+  double sum = 0;
+  for (uint64_t i = 0; i <= k; ++i) {
+    const double ways =
+        std::lgamma(double(n) + 1) - std::lgamma(double(i) + 1) - std::lgamma(double(n - i) + 1);
+    sum += std::exp(ways + double(i) * log_p + double(n - i) * log_q);
+  }
+  return sum;
+}
+
+}  // namespace
+
+std::span<const char* const> Columns() { return kColumns; }
+
+std::vector<Contestant> EveryArithmetic(const Registry& registry) {
+  std::vector<Contestant> all;
+  for (const rb_structure* s : registry.structures()) {
+    if (std::string_view(s->name) == "null") continue;  // always misses
+    std::vector<std::string> specs;
+    for (uint32_t i = 0; i < s->param_count; ++i) {
+      const rb_param& p = s->params[i];
+      if (p.type == RB_CHOICE && std::string_view(p.name) == "numerics") {
+        for (uint32_t c = 0; p.choices[c] != nullptr; ++c)
+          specs.push_back(fmt::format("{}(numerics={})", s->name, p.choices[c]));
+      } else if (p.type == RB_BOOL && std::string_view(p.name) == "robust") {
+        for (const char* value : {"false", "true"})
+          specs.push_back(fmt::format("{}(robust={})", s->name, value));
+      }
+    }
+    if (specs.empty()) specs.push_back(s->name);
+    for (const std::string& spec : specs) all.push_back(ParseContestant(registry, spec));
+  }
+  return all;
+}
+
+std::vector<Json> MeasurePoint(const Suite& suite, const Point& point,
+                               const std::vector<Contestant>& contestants, const PointOptions& options) {
+  return PointRun(suite, point, contestants, options).Go();
+}
+
+double UpperBound(uint64_t events, uint64_t n) {
+  if (events >= n) return 1;
+  double lo = 0, hi = 1;
+  for (int i = 0; i < 60; ++i) {
+    const double middle = (lo + hi) / 2;
+    (BinomialCdf(events, n, middle) > 0.05 ? lo : hi) = middle;
+  }
+  return hi;
+}
+
+}  // namespace raybench::extremes

@@ -1,0 +1,242 @@
+#include "harness/extremes/run.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <ctime>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <set>
+
+#include "harness/extremes/point.h"
+#include "harness/interrupt.h"
+#include "harness/machine.h"
+#include "harness/plan.h"
+#include "harness/progress.h"
+#include "harness/python.h"
+#include "harness/run_facts.h"
+
+namespace raybench::extremes {
+namespace fs = std::filesystem;
+namespace {
+
+std::string UtcTime(const char* format) {
+  const std::time_t now = std::time(nullptr);
+  std::tm utc;
+  gmtime_r(&now, &utc);
+  char text[32];
+  std::strftime(text, sizeof text, format, &utc);
+  return text;
+}
+
+/// Every second point of each variant, and its last one.
+std::vector<Point> Thinned(const std::vector<Point>& points) {
+  std::vector<Point> kept;
+  size_t within = 0;
+  for (size_t i = 0; i < points.size(); ++i) {
+    if (i > 0 && points[i].variant != points[i - 1].variant) within = 0;
+    const bool last = i + 1 == points.size() || points[i + 1].variant != points[i].variant;
+    if (within++ % 2 == 0 || last) kept.push_back(points[i]);
+  }
+  return kept;
+}
+
+std::string Percent(double rate) { return fmt::format("{:.3g} %", 100 * rate); }
+
+class ExtremesRun {
+ public:
+  ExtremesRun(const Registry& registry, const Options& options) : registry_(registry), options_(options) {}
+
+  int Go() {
+    ChooseSuites();
+    contestants_ = options_.structures.empty() ? EveryArithmetic(registry_)
+                                               : ChooseContestants(registry_, options_.structures);
+    MakeFolder();
+    started_ = UtcTime("%Y-%m-%dT%H:%M:%SZ");
+    bool interrupted = false;
+    try {
+      MeasureAll();
+    } catch (...) {
+      interrupted = Interrupted();
+      if (!interrupted) {
+        progress_.Clear();
+        WriteFiles(false);
+        throw;
+      }
+    }
+    progress_.Clear();
+    WriteFiles(interrupted);
+    return Finish(interrupted);
+  }
+
+ private:
+  struct Planned {
+    const Suite* suite;
+    Point point;
+  };
+
+  void ChooseSuites() {
+    std::set<std::string> seen;
+    for (const std::string& name : options_.suites) {
+      if (!seen.insert(name).second) throw InputError(fmt::format("suite '{}' is given twice", name));
+      suites_.push_back(&FindSuite(name));
+    }
+    if (suites_.empty())
+      for (const Suite& suite : Suites()) suites_.push_back(&suite);
+    for (const Suite* suite : suites_)
+      for (const Point& point : options_.quick ? Thinned(suite->points()) : suite->points())
+        plan_.push_back({suite, point});
+  }
+
+  void MakeFolder() {
+    folder_ = options_.out.empty() ? "results/extremes-" + UtcTime("%Y-%m-%dT%H-%M-%SZ") : options_.out;
+    std::error_code error;
+    if (fs::exists(folder_ / "extremes.csv", error))
+      throw InputError(
+          fmt::format("{} already holds an extremes.csv: choose another --out", folder_.string()));
+    fs::create_directories(folder_, error);
+    if (error) throw InputError(fmt::format("{}: cannot be created: {}", folder_.string(), error.message()));
+  }
+
+  void MeasureAll() {
+    for (size_t i = 0; i < plan_.size(); ++i) {
+      const auto& [suite, point] = plan_[i];
+      PointOptions options;
+      options.rays = options_.Rays();
+      options.seed = options_.seed;
+      size_t done = 0;
+      const std::string place = fmt::format("{} at {:g}{}{}", suite->name, point.magnitude,
+                                            point.variant.empty() ? "" : ", ", point.variant);
+      options.progress = [&](const std::string& what) {
+        const double within = double(done++) / double(contestants_.size() + 1);
+        progress_.Update((double(i) + within) / double(plan_.size()), fmt::format("{}: {}", place, what));
+      };
+      ThrowIfInterrupted();
+      for (Json& row : MeasurePoint(*suite, point, contestants_, options)) {
+        if (row["status"] == "broken" && point.valid) {
+          ++broken_;
+          progress_.Say(fmt::format("BROKEN CLAIM: {}: {}: {}", place, row["spec"].get<std::string>(),
+                                    row["note"].get<std::string>()));
+        }
+        rows_.push_back(std::move(row));
+      }
+    }
+  }
+
+  void WriteFiles(bool interrupted) const {
+    std::string csv = fmt::format("{}\n", fmt::join(Columns(), ","));
+    for (const Json& row : rows_) {
+      std::vector<std::string> fields;
+      for (const char* column : Columns()) fields.push_back(CsvField(row.at(column)));
+      csv += fmt::format("{}\n", fmt::join(fields, ","));
+    }
+    WriteFileAtomically(folder_ / "extremes.csv", csv);
+
+    Json suites = Json::array(), structures = Json::array();
+    for (const Suite* s : suites_) {
+      suites.push_back({{"name", s->name},
+                        {"doc", s->doc},
+                        {"axis_title", s->axis_title},
+                        {"axis", s->axis == Axis::kLinear ? "linear" : "logarithmic"},
+                        {"failure", s->failure},
+                        {"second", s->second != nullptr ? Json(s->second) : Json()},
+                        {"range", s->range}});
+    }
+    for (const Contestant& c : contestants_) structures.push_back(FactsOf(c, registry_));
+    const Json json = {{"format", 1},
+                       {"started", started_},
+                       {"ended", UtcTime("%Y-%m-%dT%H:%M:%SZ")},
+                       {"interrupted", interrupted},
+                       {"points", plan_.size()},
+                       {"command_line", options_.command_line},
+                       {"plugins", options_.plugins},
+                       {"seed", options_.seed},
+                       {"quick", options_.quick},
+                       {"rays_per_point", options_.Rays()},
+                       {"timing", "rough: median of 3 passes in turn, one pinned thread, CPU time"},
+                       {"build", BuildFacts()},
+                       {"machine", MachineFacts()},
+                       {"libraries", LibraryFacts()},
+                       {"structures", structures},
+                       {"suites", suites}};
+    WriteFileAtomically(folder_ / "extremes.json",
+                        json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
+  }
+
+  /// For each suite and contestant: where it begins to fail, and how badly.
+  void PrintTable() const {
+    for (const Suite* suite : suites_) {
+      fmt::print("{}: {}\n", suite->name, suite->doc);
+      for (const Contestant& c : contestants_) {
+        uint64_t rays = 0, refused = 0, skipped = 0;
+        std::optional<double> first, worst_at;
+        double worst = 0, t_error = 0;
+        std::vector<double> ns;
+        for (const Json& row : rows_) {
+          if (row["suite"] != suite->name || row["params"] != c.Params() ||
+              row["structure"] != c.structure->name)
+            continue;
+          refused += row["status"] == "refused", skipped += row["status"] == "skipped";
+          if (row["failure_rate"].is_null()) continue;
+          rays += row["rays"].get<uint64_t>();
+          if (!row["t_error_p99"].is_null() && row["in_range"].get<bool>())
+            t_error = std::max(t_error, row["t_error_p99"].get<double>());
+          if (!row["ns_per_ray"].is_null()) ns.push_back(row["ns_per_ray"].get<double>());
+          const double rate = row["failure_rate"].get<double>(), at = row["magnitude"].get<double>();
+          if (rate > 0 && !first) first = at;
+          if (rate > worst) worst = rate, worst_at = at;
+        }
+        std::string text =
+            rays == 0 ? std::string("nothing measured")
+            : !first  ? fmt::format("0 of {} rays fail", rays)
+                      : fmt::format("fails at {:g}, most at {:g}: {}", *first, *worst_at, Percent(worst));
+        if (!ns.empty()) {
+          const auto [lo, hi] = std::minmax_element(ns.begin(), ns.end());
+          text += fmt::format("; t error p99 up to {:.3g} ulp; {:.3g} to {:.3g} ns a ray", t_error, *lo, *hi);
+        }
+        if (refused > 0) text += fmt::format("; {} refused at load", refused);
+        if (skipped > 0) text += fmt::format("; {} skipped", skipped);
+        fmt::print("  {:<28} {}\n", c.Spec(), text);
+      }
+    }
+  }
+
+  int Finish(bool interrupted) {
+    if (!rows_.empty()) PrintTable();
+    const std::string folder = folder_.string();
+    fmt::print("rows    {}/extremes.csv\n", folder);
+    std::fflush(stdout);
+    if (interrupted) {
+      progress_.Say(fmt::format("interrupted: {} finished points are kept",
+                                contestants_.empty() ? 0 : rows_.size() / contestants_.size()));
+      return 130;
+    }
+    if (options_.report) {
+      DrawReportIfPossible(folder);
+    } else {
+      fmt::print("plots   raybench report {}\n", folder);
+    }
+    if (broken_ == 0) return 0;
+    progress_.Say(
+        fmt::format("{} times a structure broke its claim inside of a suite's range (above)", broken_));
+    return 1;
+  }
+
+  const Registry& registry_;
+  const Options& options_;
+  Progress progress_;
+  std::vector<const Suite*> suites_;
+  std::vector<Planned> plan_;
+  std::vector<Contestant> contestants_;
+  std::vector<Json> rows_;
+  fs::path folder_;
+  std::string started_;
+  uint64_t broken_ = 0;
+};
+
+}  // namespace
+
+int Run(const Registry& registry, const Options& options) { return ExtremesRun(registry, options).Go(); }
+
+}  // namespace raybench::extremes

@@ -1,0 +1,27 @@
+// The table of suites.
+#include <fmt/format.h>
+
+#include "harness/extremes/suite.h"
+
+namespace raybench::extremes {
+
+const char* const kNotCovered =
+    "not here: bad_input (tests cover it), quantised_nodes (no structure has such nodes yet)";
+
+std::span<const Suite> Suites() {
+  static const Suite suites[] = {kEdgeAim,    kFarScene,     kFarOrigin,  kScale,      kSliver,
+                                 kSilhouette, kAxisParallel, kSplitPlane, kFlatBox,    kThinGap,
+                                 kSelfHit,    kSelfHitFar,   kCoincident, kDegenerate, kTeapotInStadium};
+  return suites;
+}
+
+const Suite& FindSuite(const std::string& name) {
+  std::string known;
+  for (const Suite& suite : Suites()) {
+    if (name == suite.name) return suite;
+    known += (known.empty() ? "" : ", ") + std::string(suite.name);
+  }
+  throw InputError(fmt::format("unknown suite '{}'; known: {}", name, known));
+}
+
+}  // namespace raybench::extremes
