@@ -93,7 +93,7 @@ TEST_F(HarnessCommand, WrongInputIsOneLineAndExitCode2) {
 TEST_F(HarnessCommand, HelpAndVersionAreComplete) {
   const Outcome help = Call({"--help"});
   EXPECT_EQ(help.exit_code, 0);
-  for (const char* word : {"run", "render", "rays", "list", "fetch", "report", "Examples:", "Exit codes:"}) {
+  for (const char* word : {"run", "render", "rays", "list", "fetch", "extremes", "report", "Examples:", "Exit codes:"}) {
     EXPECT_NE(help.out.find(word), std::string::npos) << word;
   }
   const Outcome run = Call({"run", "--help"});

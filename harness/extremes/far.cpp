@@ -90,7 +90,7 @@ const Suite kFarScene = {
     "distance of the scene from the coordinate origin, in sizes of the scene",
     Axis::kLogarithmic,
     "leak or plain error",
-    "random rays: names another primitive than the exact one",
+    "another primitive than the exact one is named (random rays)",
     "up to 1e6; at 1e7 a float step is as long as the scene",
     [] { return Decades(0, 7, 1e6); },
     MakeFarScene};
@@ -100,7 +100,7 @@ const Suite kFarOrigin = {"far_origin",
                           "distance of the ray's start, in sizes of the scene",
                           Axis::kLogarithmic,
                           "leak or plain error",
-                          "random rays: names another primitive than the exact one",
+                          "another primitive than the exact one is named (random rays)",
                           "up to 1e6",
                           [] { return Decades(0, 7, 1e6); },
                           MakeFarOrigin};

@@ -42,8 +42,6 @@ std::vector<Point> Thinned(const std::vector<Point>& points) {
   return kept;
 }
 
-std::string Percent(double rate) { return fmt::format("{:.3g} %", 100 * rate); }
-
 class ExtremesRun {
  public:
   ExtremesRun(const Registry& registry, const Options& options) : registry_(registry), options_(options) {}
@@ -164,40 +162,50 @@ class ExtremesRun {
                         json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
   }
 
-  /// For each suite and contestant: where it begins to fail, and how badly.
+  /// What one contestant did in one series of points.
+  static std::string Summary(const std::vector<const Json*>& rows) {
+    uint64_t rays = 0, refused = 0, skipped = 0;
+    std::optional<double> first;
+    double worst = 0, worst_at = 0, t_error = 0;
+    std::vector<double> ns;
+    for (const Json* r : rows) {
+      const Json& row = *r;
+      refused += row["status"] == "refused", skipped += row["status"] == "skipped";
+      if (row["failure_rate"].is_null()) continue;
+      rays += row["rays"].get<uint64_t>();
+      if (!row["t_error_p99"].is_null()) t_error = std::max(t_error, row["t_error_p99"].get<double>());
+      ns.push_back(row["ns_per_ray"].get<double>());
+      const double rate = row["failure_rate"].get<double>(), at = row["magnitude"].get<double>();
+      if (rate > 0 && !first) first = at;
+      if (rate > worst) worst = rate, worst_at = at;
+    }
+    std::string text;
+    if (rays > 0) {
+      const auto [lo, hi] = std::minmax_element(ns.begin(), ns.end());
+      text = first ? fmt::format("fails from {:g} on, most at {:g}: {:.3g} %", *first, worst_at, 100 * worst)
+                   : fmt::format("0 of {} rays fail", rays);
+      text += fmt::format("; t error p99 at most {:.3g} ulp; {:.3g} to {:.3g} ns a ray", t_error, *lo, *hi);
+    }
+    if (refused > 0) text += fmt::format("{}{} points refused at load", text.empty() ? "" : "; ", refused);
+    if (skipped > 0) text += fmt::format("{}{} points skipped", text.empty() ? "" : "; ", skipped);
+    return text;
+  }
+
   void PrintTable() const {
-    for (const Suite* suite : suites_) {
-      fmt::print("{}: {}\n", suite->name, suite->doc);
+    // Suites and variants in the order of the plan.
+    std::vector<std::string> series;
+    std::map<std::string, std::map<std::string, std::vector<const Json*>>> rows;
+    for (const Json& row : rows_) {
+      std::string name = row["suite"];
+      if (!row["variant"].is_null()) name += ", " + row["variant"].get<std::string>();
+      if (!rows.contains(name)) series.push_back(name);
+      rows[name][row["spec"]].push_back(&row);
+    }
+    for (const std::string& name : series) {
+      fmt::print("{}\n", name);
       for (const Contestant& c : contestants_) {
-        uint64_t rays = 0, refused = 0, skipped = 0;
-        std::optional<double> first, worst_at;
-        double worst = 0, t_error = 0;
-        std::vector<double> ns;
-        for (const Json& row : rows_) {
-          if (row["suite"] != suite->name || row["params"] != c.Params() ||
-              row["structure"] != c.structure->name)
-            continue;
-          refused += row["status"] == "refused", skipped += row["status"] == "skipped";
-          if (row["failure_rate"].is_null()) continue;
-          rays += row["rays"].get<uint64_t>();
-          if (!row["t_error_p99"].is_null() && row["in_range"].get<bool>())
-            t_error = std::max(t_error, row["t_error_p99"].get<double>());
-          if (!row["ns_per_ray"].is_null()) ns.push_back(row["ns_per_ray"].get<double>());
-          const double rate = row["failure_rate"].get<double>(), at = row["magnitude"].get<double>();
-          if (rate > 0 && !first) first = at;
-          if (rate > worst) worst = rate, worst_at = at;
-        }
-        std::string text =
-            rays == 0 ? std::string("nothing measured")
-            : !first  ? fmt::format("0 of {} rays fail", rays)
-                      : fmt::format("fails at {:g}, most at {:g}: {}", *first, *worst_at, Percent(worst));
-        if (!ns.empty()) {
-          const auto [lo, hi] = std::minmax_element(ns.begin(), ns.end());
-          text += fmt::format("; t error p99 up to {:.3g} ulp; {:.3g} to {:.3g} ns a ray", t_error, *lo, *hi);
-        }
-        if (refused > 0) text += fmt::format("; {} refused at load", refused);
-        if (skipped > 0) text += fmt::format("; {} skipped", skipped);
-        fmt::print("  {:<28} {}\n", c.Spec(), text);
+        const auto found = rows[name].find(c.Spec());
+        if (found != rows[name].end()) fmt::print("  {:<28} {}\n", c.Spec(), Summary(found->second));
       }
     }
   }

@@ -1,16 +1,17 @@
-"""Command line: python -m raybench_report DIR, or heat FOLDER --out FILE.png."""
+"""Command line: python -m raybench_report DIR, extremes DIR, or heat FOLDER --out FILE.png."""
 
 import argparse
 import sys
 from pathlib import Path
 
-from . import heat, page, plots, results
+from . import extremes, heat, page, plots, results
 
 
 def main(argv=None):
     """Does what the arguments say. Returns 0, or 2 after one line on stderr when the input is unfit."""
     argv = sys.argv[1:] if argv is None else argv
-    draw = _heat if argv[:1] == ["heat"] and len(argv) > 1 else _report
+    commands = {"heat": _heat, "extremes": _extremes}
+    draw = commands.get(argv[0], _report) if len(argv) > 1 else _report
     try:
         print(draw(argv), end="")
     except SystemExit as error:  # by argparse
@@ -26,13 +27,28 @@ def _report(argv):
     parser = argparse.ArgumentParser(
         prog="raybench_report",
         description="Draws the plots (PNG and SVG) and report.html of a run from its CSV and JSON files.",
-        epilog="raybench_report heat --help: a sheet of heat maps.",
+        epilog="raybench_report heat --help: a sheet of heat maps; extremes --help: the plots of raybench extremes.",
     )
     parser.add_argument("directory", metavar="DIR", type=Path, help="what `raybench run --out DIR` wrote")
     directory = parser.parse_args(argv).directory
+    if (directory / "extremes.csv").is_file() and not (directory / "cases.csv").is_file():
+        return _extremes(["extremes", str(directory)])
     run = results.read(directory)
     drawn = plots.draw_all(run)
     written = page.write(run, drawn, heat.draw_all(run))
+    return f"{len(drawn)} plots as PNG and SVG in {directory / 'plots'}; {written}\n"
+
+
+def _extremes(argv):
+    """Draws DIR/plots and DIR/extremes.html."""
+    parser = argparse.ArgumentParser(
+        prog="raybench_report extremes", description="Draws a figure for each suite of `raybench extremes`."
+    )
+    parser.add_argument("directory", metavar="DIR", type=Path, help="what `raybench extremes --out DIR` wrote")
+    directory = parser.parse_args(argv[1:]).directory
+    found = extremes.read(directory)
+    drawn = extremes.draw_all(found)
+    written = extremes.write(found, drawn)
     return f"{len(drawn)} plots as PNG and SVG in {directory / 'plots'}; {written}\n"
 
 

@@ -36,14 +36,14 @@ def write(run, drawn, sheets=()):
         parts.append(
             '<h2>The scenes</h2><p>The rays of these pictures were recorded and measured.</p><div class="pictures">'
         )
-        parts += [_figure(f"images/{name}", f"images/{name}", name.removesuffix(".png")) for name in pictures]
+        parts += [figure(f"images/{name}", f"images/{name}", name.removesuffix(".png")) for name in pictures]
         parts.append("</div>")
     parts.append('<h2>Plots</h2><div class="plots">')
-    parts += [_figure(f"plots/{name}.svg", f"plots/{name}.png", title) for name, title in drawn]
+    parts += [figure(f"plots/{name}.svg", f"plots/{name}.png", title) for name, title in drawn]
     parts.append("</div>")
     if sheets:
         parts.append('<h2>Heat maps</h2><div class="sheets">')
-        parts += [_figure(f"plots/{name}.png", f"plots/{name}.png", title) for name, title in sheets]
+        parts += [figure(f"plots/{name}.png", f"plots/{name}.png", title) for name, title in sheets]
         parts.append("</div>")
     parts += ["<h2>Builds</h2>", _table(run.builds, _BUILD_COLUMNS)]
     parts += ["<h2>Queries</h2>", _table(run.queries, _QUERY_COLUMNS)]
@@ -68,7 +68,8 @@ def _summary(run):
     )
 
 
-def _figure(shown, linked, caption):
+def figure(shown, linked, caption):
+    """A picture with its caption that links to another file."""
     return (
         f'<figure><a href="{_text(linked)}"><img src="{_text(shown)}" alt="{_text(caption)}"></a>'
         f"<figcaption>{_text(caption)}</figcaption></figure>"

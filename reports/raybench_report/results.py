@@ -73,9 +73,9 @@ def read(directory):
     directory = Path(directory)
     if not directory.is_dir():
         raise RunError(f"{directory}: no such directory")
-    cases = _read_csv(directory / "cases.csv", CASE_TEXT, CASE_NUMBERS)
-    samples = _read_csv(directory / "samples.csv", SAMPLE_TEXT, SAMPLE_NUMBERS)
-    info = _read_json(directory / "run.json")
+    cases = read_table(directory / "cases.csv", CASE_TEXT, CASE_NUMBERS)
+    samples = read_table(directory / "samples.csv", SAMPLE_TEXT, SAMPLE_NUMBERS)
+    info = read_json(directory / "run.json")
     if not (timed(cases)["structure"] != NULL).any():
         raise RunError(f"{directory / 'cases.csv'}: nothing timed, so there is nothing to draw")
     return Run(directory, _with_labels(cases), samples, info)
@@ -96,7 +96,8 @@ def write_atomically(path, write):
         temporary.unlink(missing_ok=True)
 
 
-def _read_csv(path, text, numbers):
+def read_table(path, text, numbers):
+    """A CSV table with at least these columns; text that is absent is empty, numbers NaN. Throws RunError."""
     if not path.is_file():
         raise RunError(f"{path}: missing; is this what `raybench run --out DIR` wrote?")
     try:
@@ -117,7 +118,8 @@ def _read_csv(path, text, numbers):
     return table
 
 
-def _read_json(path):
+def read_json(path):
+    """A file with one JSON object. Throws RunError."""
     try:
         info = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
