@@ -106,7 +106,7 @@ TEST(HarnessTreeStatistics, CountsDepthReferencesAndSahCostOfAHandMadeTree) {
   // (leaf).
   ASSERT_TRUE(s->sah_cost);
   EXPECT_NEAR(*s->sah_cost, 1 + 9.0 / 7, 1e-12);
-  EXPECT_EQ(s->enclosure_flaw, "");
+  EXPECT_EQ(s->flaw, "");
 }
 
 TEST(HarnessTreeStatistics, NamesAPrimitiveThatALeafLeavesOutOrThatNoLeafHolds) {
@@ -115,12 +115,12 @@ TEST(HarnessTreeStatistics, NamesAPrimitiveThatALeafLeavesOutOrThatNoLeafHolds) 
   const uint32_t prims[] = {0, 1};
   HandTree hand;
   hand.nodes = {{0, 1, 0, RB_SHAPE_BOX, small, 6, 2, prims}};
-  EXPECT_EQ(hand.Read(mesh.Geometry())->enclosure_flaw, "the bounds of a leaf leave out part of primitive 1");
+  EXPECT_EQ(hand.Read(mesh.Geometry())->flaw, "the bounds of a leaf leave out part of primitive 1");
   hand.nodes = {{0, 1, 0, RB_SHAPE_BOX, all, 6, 1, prims}};
-  EXPECT_EQ(hand.Read(mesh.Geometry())->enclosure_flaw, "no leaf holds primitive 1");
+  EXPECT_EQ(hand.Read(mesh.Geometry())->flaw, "no leaf holds primitive 1");
   const uint32_t wrong[] = {0, 1, 2};
   hand.nodes = {{0, 1, 0, RB_SHAPE_BOX, all, 6, 3, wrong}};
-  EXPECT_EQ(hand.Read(mesh.Geometry())->enclosure_flaw, "a leaf refers to primitive 2, but there are 2");
+  EXPECT_EQ(hand.Read(mesh.Geometry())->flaw, "a leaf refers to primitive 2, but there are 2");
 }
 
 TEST(HarnessTreeStatistics, LeavesOfASpacePartitionMayShareAPrimitive) {
@@ -129,9 +129,9 @@ TEST(HarnessTreeStatistics, LeavesOfASpacePartitionMayShareAPrimitive) {
   const uint32_t prims[] = {0, 1};
   HandTree hand;
   hand.nodes = {{0, 1, 1, RB_SHAPE_BOX, left, 6, 2, prims}, {0, 1, 1, RB_SHAPE_BOX, right, 6, 1, prims + 1}};
-  EXPECT_EQ(hand.Read(mesh.Geometry())->enclosure_flaw, "");
+  EXPECT_EQ(hand.Read(mesh.Geometry())->flaw, "");
   hand.nodes.pop_back();
-  EXPECT_EQ(hand.Read(mesh.Geometry())->enclosure_flaw, "the leaves of primitive 1 leave out part of it");
+  EXPECT_EQ(hand.Read(mesh.Geometry())->flaw, "the leaves of primitive 1 leave out part of it");
 }
 
 TEST(HarnessTreeStatistics, EveryBuiltInTreeEnclosesItsPrimitives) {
@@ -143,7 +143,7 @@ TEST(HarnessTreeStatistics, EveryBuiltInTreeEnclosesItsPrimitives) {
     SCOPED_TRACE(structure->name);
     EXPECT_EQ(statistics.has_value(), structure->visit != nullptr);
     if (statistics && statistics->leaf_nodes > 0) {
-      EXPECT_EQ(statistics->enclosure_flaw, "");
+      EXPECT_EQ(statistics->flaw, "");
       EXPECT_GE(statistics->references, ball.triangles.size());
     }
   }
