@@ -387,14 +387,9 @@ class Run {
     }
     std::string flaw;
     if (const auto statistics = ReadTree(entrant.tree, geometry)) {
-<<<<<<< HEAD
-      flaw = statistics->enclosure_flaw;
+      flaw = statistics->flaw;
       AddTreeValues(entrant, *statistics,
                     EndPointOverlap(entrant.tree, geometry, kOverlapSamples, options_.seed));
-=======
-      flaw = statistics->flaw;
-      AddTreeValues(entrant, *statistics);
->>>>>>> 5362625 (raybench verify: aimed rays against exact truth, structural checks, closed meshes)
     }
     entrant.set_values.assign(sets.size(), Json::object());
     for (size_t i = 0; i < sets.size(); ++i) {

@@ -64,11 +64,18 @@ struct Source {
   std::function<void(uint64_t first, std::span<rb_ray> rays, uint32_t threads)> fill;
 };
 
+/// An answer worth a look; `nth` of its badness in its row.
+struct Kept {
+  int badness;
+  uint64_t nth;
+  VerifyExample example;
+};
+
 struct Entrant {
   VerifiedTree result;
   Tree tree;
-  uint64_t stride = 1;                 ///< more than 1: it gets a part of the rays
-  std::vector<VerifyExample> kept[3];  ///< by badness, in the order found
+  uint64_t stride = 1;  ///< more than 1: it gets a part of the rays
+  std::vector<Kept> kept;
 };
 
 class Verification {
@@ -257,7 +264,7 @@ class Verification {
     for (Entrant* entrant : entrants) {
       for (uint32_t query : {RB_CLOSEST, RB_ANY})
         if (query == RB_ANY || source.query == RB_CLOSEST)
-          entrant->result.rows.push_back({source.name, query, {}, {}});
+          entrant->result.rows.push_back({source.name, query, {}, {}, {}});
     }
     for (uint64_t first = 0; first < source.count; first += kChunk) {
       ThrowIfInterrupted();
@@ -302,9 +309,13 @@ class Verification {
       if (row.query == RB_CLOSEST && truth.hit && verdicts[i] <= Verdict::kNeighbour)
         row.t_errors.Add(ErrorInUlp(answers.hits[i].t, truth.t));
       const int badness = Badness(verdicts[i], result.claim);
-      if (badness > 2 || entrant.kept[badness].size() >= options_.examples) continue;
-      entrant.kept[badness].push_back({row.set, row.query, chunk.first + i * chunk.step, rays[i],
-                                       answers.hits[i], answers.occluded[i] != 0, truth, verdicts[i]});
+      if (badness > 2) continue;
+      const uint64_t nth = row.bad[badness]++;
+      if (nth >= options_.examples) continue;
+      entrant.kept.push_back({badness,
+                              nth,
+                              {row.set, row.query, chunk.first + i * chunk.step, rays[i], answers.hits[i],
+                               answers.occluded[i] != 0, truth, verdicts[i]}});
     }
   }
 
@@ -321,9 +332,12 @@ class Verification {
     for (const std::string& note : absent_) text += fmt::format("  {}\n", note);
     for (Entrant& entrant : entrants_) {
       VerifiedTree& result = entrant.result;
-      for (auto& kept : entrant.kept)
-        for (VerifyExample& example : kept)
-          if (result.examples.size() < options_.examples) result.examples.push_back(std::move(example));
+      // The worst first, and of the same badness one of each set before the second of any.
+      std::stable_sort(entrant.kept.begin(), entrant.kept.end(), [](const Kept& a, const Kept& b) {
+        return std::pair(a.badness, a.nth) < std::pair(b.badness, b.nth);
+      });
+      for (Kept& kept : entrant.kept)
+        if (result.examples.size() < options_.examples) result.examples.push_back(std::move(kept.example));
       text += "\n" + FormatVerified(result, context);
       broken_ |= result.Broken();
     }

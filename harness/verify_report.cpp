@@ -29,7 +29,8 @@ std::string ErrorsOf(const ErrorHistogram& errors) {
 }
 
 VerdictRow Total(const VerifiedTree& tree, uint32_t query) {
-  VerdictRow total{.set = "total", .query = query, .counts = {}, .t_errors = {}};
+  VerdictRow total;
+  total.query = query;
   for (const VerdictRow& row : tree.rows) {
     if (row.query != query) continue;
     total.Add(row.counts);

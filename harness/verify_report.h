@@ -35,6 +35,7 @@ struct VerdictRow {
   uint32_t query = RB_CLOSEST;
   VerdictCounts counts;  ///< but for the errors of t, which stand here:
   ErrorHistogram t_errors;
+  uint64_t bad[3] = {0, 0, 0};  ///< answers by Badness()
 
   void Add(const VerdictCounts& more);
 };
