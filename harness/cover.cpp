@@ -21,9 +21,11 @@ class Cover {
       const int axis = face / 2;
       const double sign = face % 2 == 0 ? -1 : 1, plane = face % 2 == 0 ? box.lo[axis] : box.hi[axis];
       Polygon outside, inside;
+      bool beyond = false;
       for (size_t i = 0; i < rest.size(); ++i) {
         const Vec3d p = rest[i], q = rest[(i + 1) % rest.size()];
         const double dp = sign * (p[axis] - plane), dq = sign * (q[axis] - plane);
+        beyond |= dp > eps_;
         if (dp >= -eps_) outside.push_back(p);
         if (dp <= eps_) inside.push_back(p);
         if (std::min(dp, dq) >= -eps_ || std::max(dp, dq) <= eps_) continue;
@@ -31,7 +33,7 @@ class Cover {
         cut[axis] = plane;
         outside.push_back(cut), inside.push_back(cut);
       }
-      if (!Negligible(outside) && !Covers(Meeting(boxes, outside, &box), outside)) return false;
+      if (beyond && !Negligible(outside) && !Covers(Meeting(boxes, outside, &box), outside)) return false;
       rest = std::move(inside);
       if (Negligible(rest)) return true;
     }

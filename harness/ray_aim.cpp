@@ -174,8 +174,10 @@ rb_ray SilhouetteRay(const Scene& scene, const Aim& aim, Random& random) {
   const double slant = Between(random, -0.7, 0.7);
   const Vec3d away = (random.Below(2) ? across : -across) + along * slant;
   Vec3f target = aim.PointOn(edge, random);
-  const Vec3f org = ToFloat(ToDouble(target) + Normalize(away) * (aim.size() * Between(random, 1, 3)));
-  for (int k = 0; k < 3; ++k) target[k] = Ulps(target[k], int64_t(random.Below(9)) - 4);
+  const double distance = aim.size() * Between(random, 1, 3);
+  const Vec3f org = ToFloat(ToDouble(target) + Normalize(away) * distance);
+  for (int k = 0; k < 3; ++k)
+    target[k] += float(std::ldexp(distance, -23)) * float(int64_t(random.Below(9)) - 4);
   return Aim::Towards(org, target, random);
 }
 

@@ -37,7 +37,7 @@ void CheckAimedSetNames(const std::vector<std::string>& names);
 ///   aimed_vertex   at vertices
 ///   aimed_edge     at edges inside a surface: midpoints and points on them, rounded to float
 ///   silhouette     from outside at edges whose two triangles lie on one side of the plane through edge and
-///                  origin, at a point of the edge and a few ulps beside it
+///                  origin, at a point of the edge and up to 4 ulp of the distance beside it
 ///   axis_parallel  one or two components +0 or -0, through vertices and edges and in the faces of the
 ///   scene's
 ///                  bounds

@@ -117,9 +117,9 @@ TEST_F(HarnessAim, SilhouetteRaysPassAnOutlineSeenFromOutside) {
         if (std::fabs(Dot(n, Position(v) - a)) > std::fabs(side[i])) side[i] = Dot(n, Position(v) - a);
     }
     EXPECT_GT(side[0] * side[1], 0);
-    beside += least > 0.5 * Ulp(ray, 1);
+    beside += least > 0.75 * Ulp(ray, 1);
   }
-  EXPECT_GT(beside, 0u);
+  EXPECT_GT(beside, kRays / 4);  // more than rounding explains
 }
 
 TEST_F(HarnessAim, AxisParallelRaysHaveZerosOfBothSignsAndLieInFaces) {
