@@ -10,28 +10,6 @@ namespace {
 
 bool SameBits(float a, float b) { return std::memcmp(&a, &b, sizeof a) == 0; }
 
-/// What about the answers contradicts the contract whatever the truth is, in words; empty if nothing does.
-std::string Malformed(const RaySet& set, const Answers& answers, uint64_t primitives) {
-  for (size_t i = 0; i < set.rays.size(); ++i) {
-    if (set.query == RB_ANY) {
-      if (answers.occluded[i] > 1)
-        return fmt::format("ray {} is answered {}, not 0 or 1", i, answers.occluded[i]);
-      continue;
-    }
-    const rb_hit& hit = answers.hits[i];
-    const rb_ray& ray = set.rays[i];
-    if (hit.prim == RAYBENCH_NONE) {
-      if (!(hit.t == ray.tfar))
-        return fmt::format("ray {} misses with t = {}, not tfar = {}", i, hit.t, ray.tfar);
-    } else if (hit.prim >= primitives) {
-      return fmt::format("ray {} hits primitive {} of {}", i, hit.prim, primitives);
-    } else if (!(hit.t > ray.tnear && hit.t <= ray.tfar)) {
-      return fmt::format("ray {} hits at t = {}, outside of ({}, {}]", i, hit.t, ray.tnear, ray.tfar);
-    }
-  }
-  return {};
-}
-
 /// The first ray whose answers differ, in words; empty if all are the same to the bit.
 std::string Difference(const RaySet& set, const Answers& a, const Answers& b) {
   for (size_t i = 0; i < set.rays.size(); ++i) {
@@ -66,11 +44,32 @@ const char* ClaimName(uint32_t claim) {
   return claim < std::size(kNames) ? kNames[claim] : "unknown";
 }
 
+std::string ContractFlaw(const RaySet& set, const Answers& answers, uint64_t primitives) {
+  for (size_t i = 0; i < set.rays.size(); ++i) {
+    if (set.query == RB_ANY) {
+      if (answers.occluded[i] > 1)
+        return fmt::format("ray {} is answered {}, not 0 or 1", i, answers.occluded[i]);
+      continue;
+    }
+    const rb_hit& hit = answers.hits[i];
+    const rb_ray& ray = set.rays[i];
+    if (hit.prim == RAYBENCH_NONE) {
+      if (!(hit.t == ray.tfar))
+        return fmt::format("ray {} misses with t = {}, not tfar = {}", i, hit.t, ray.tfar);
+    } else if (hit.prim >= primitives) {
+      return fmt::format("ray {} hits primitive {} of {}", i, hit.prim, primitives);
+    } else if (!(hit.t > ray.tnear && hit.t <= ray.tfar)) {
+      return fmt::format("ray {} hits at t = {}, outside of ({}, {}]", i, hit.t, ray.tnear, ray.tfar);
+    }
+  }
+  return {};
+}
+
 std::string CheckAnswers(const Tree& tree, const Oracle& oracle, uint64_t primitives,
                          const PreparedSet& prepared, Json& values, Answers& answers, Answers& counted) {
   const RaySet& set = prepared.set;
   tree.Query(answers.Ask(set));
-  if (std::string flaw = Malformed(set, answers, primitives); !flaw.empty()) return flaw;
+  if (std::string flaw = ContractFlaw(set, answers, primitives); !flaw.empty()) return flaw;
 
   std::vector<rb_hit> hits;
   std::vector<uint8_t> occluded;

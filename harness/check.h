@@ -40,6 +40,10 @@ struct Answers {
 /// "nothing", "inexact", "watertight", "exact".
 const char* ClaimName(uint32_t claim);
 
+/// What about the answers to a set contradicts the contract whatever the truth is, in words; empty if nothing
+/// does.
+std::string ContractFlaw(const RaySet& set, const Answers& answers, uint64_t primitives);
+
 /// Asks `tree`, through the instantiation that is timed, about the whole set and fills the columns of
 /// verdict, hits and counters in `values`. Returns, in words, what breaks the tree's claim or the contract
 /// (malformed answers, counted answers that differ from uncounted ones); empty if nothing does. `answers` and

@@ -2,7 +2,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <filesystem>
 #include <optional>
 
 #include "harness/commands.h"
@@ -17,37 +16,6 @@ struct RunArguments {
   std::vector<std::string> rays;  ///< a number, files, or both
   bool no_report = false;
 };
-
-/// "64K" as a number, if it is one.
-std::optional<uint64_t> ParseCount(std::string word) {
-  try {
-    uint64_t count = 0;
-    if (CLI::AsSizeValue(false)(word).empty() && CLI::detail::lexical_cast(word, count)) return count;
-  } catch (const CLI::ValidationError&) {  // no number, or an unknown unit
-  }
-  return std::nullopt;
-}
-
-/// What reads as a number names no file; the file "64" is reached as ./64.
-void ReadRays(const std::vector<std::string>& words, RunOptions& run) {
-  for (const std::string& word : words) {
-    std::error_code error;
-    if (const std::optional<uint64_t> rays = ParseCount(word)) {
-      if (*rays < 64 || *rays > uint64_t{1} << 28)
-        throw InputError(fmt::format("--rays {}: a number of rays lies between 64 and 2^28", word));
-      run.rays = *rays;
-    } else if (std::filesystem::exists(word, error)) {
-      run.ray_files.push_back(word);
-    } else {
-      throw InputError(fmt::format(
-          "--rays {}: neither a number of rays (such as 64K or 1M) nor a .rays file or a folder of them",
-          word));
-    }
-  }
-  if (run.ray_files.empty()) return;
-  if (run.scenes.empty()) throw InputError("--rays FILE: name the scene that the rays were recorded in");
-  if (!run.sets.empty()) throw InputError("--sets is for captured ray sets; --rays FILE names its own");
-}
 
 void AddOptions(CLI::App& command, RunArguments& arguments) {
   RunOptions& run = arguments.run;
@@ -106,7 +74,12 @@ void AddRunCommand(CLI::App& app, Invocation& invocation) {
                            [&invocation](RunArguments& arguments, const Registry& registry) {
                              RunOptions& run = arguments.run;
                              if (arguments.structures) run.structures = SplitSpecs(*arguments.structures);
-                             ReadRays(arguments.rays, run);
+                             const RayWords rays = ReadRayWords(arguments.rays);
+                             run.rays = rays.number, run.ray_files = rays.files;
+                             if (!run.ray_files.empty() && run.scenes.empty())
+                               throw InputError("--rays FILE: name the scene that the rays were recorded in");
+                             if (!run.ray_files.empty() && !run.sets.empty())
+                               throw InputError("--sets is for captured ray sets; --rays FILE names its own");
                              if (run.resume && run.out.empty())
                                throw InputError("--resume needs --out: the folder to go on in");
                              std::sort(run.threads.begin(), run.threads.end());

@@ -31,6 +31,17 @@ void AddListSceneCommand(CLI::App& list, Invocation& invocation);  ///< below `l
 void AddFetchCommand(CLI::App& app, Invocation& invocation);
 void AddExtremesCommand(CLI::App& app, Invocation& invocation);
 void AddReportCommand(CLI::App& app, Invocation& invocation);
+void AddVerifyCommand(CLI::App& app, Invocation& invocation);
+
+/// What the words of --rays say.
+struct RayWords {
+  uint64_t number = 0;             ///< rays of a set; 0: not given
+  std::vector<std::string> files;  ///< .rays files or folders of them
+};
+
+/// Each word is a number of rays ("64K", 64 to 2^28) or a file or folder that is there; what reads as a
+/// number names no file, and the file "64" is reached as ./64. Throws InputError.
+RayWords ReadRayWords(const std::vector<std::string>& words);
 
 /// A command whose options are a T, made here and kept by `act`: calls add(command, options) once, and
 /// act(options, registry) when the command was typed.

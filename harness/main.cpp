@@ -18,6 +18,7 @@ Examples:
   raybench run model.glb --structures "bvh_sah,bvh_sah(numerics=fast),embree" --out results/mine
   raybench run "sphereflake(depth=5)" --rays 1M --threads 1,2 --seed 7
   raybench run model.obj --plugin ./libmine.so --structures mine,bvh_sah
+  raybench verify model.obj --structures bvh_sah,embree
   raybench rays record model.obj -o model_rays
   raybench run model.obj --rays model_rays
   raybench render engine -o engine.png --size 1280x720
@@ -40,6 +41,7 @@ int Main(std::vector<std::string> arguments) {
       ->allow_extra_args(false)
       ->type_name("FILE.so");
   AddRunCommand(app, invocation);
+  AddVerifyCommand(app, invocation);
   AddRenderCommand(app, invocation);
   AddRaysCommand(app, invocation);
   AddListCommand(app, invocation);

@@ -1,6 +1,6 @@
 # raybench_verdict: verdicts, aimed rays, the oracle in double; no CGAL.
 # raybench_oracle: the exact oracle. CGAL is linked privately: its target forces -frounding-math on whoever links it.
-add_library(raybench_verdict STATIC verdict.cpp margins.cpp oracle_double.cpp aimed.cpp)
+add_library(raybench_verdict STATIC verdict.cpp margins.cpp oracle_double.cpp aimed.cpp mesh_edges.cpp)
 target_link_libraries(raybench_verdict PUBLIC raybench_tracer PRIVATE raybench_flags TBB::tbb)
 
 if(RAYBENCH_WITH_CGAL)

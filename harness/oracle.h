@@ -77,10 +77,15 @@ std::unique_ptr<Oracle> MakeDoubleOracle(const Scene& scene);
 /// primitives or no CGAL.
 std::unique_ptr<Oracle> MakeOracle(const Scene& scene);
 
-/// Judges all answers of a set; hits for RB_CLOSEST sets, occluded for RB_ANY.
+/// Judges all answers of a set; hits for RB_CLOSEST sets, occluded for RB_ANY. `verdicts`, if not null,
+/// becomes the class of each.
 VerdictCounts JudgeAll(const Oracle& oracle, uint32_t query_kind, std::span<const rb_ray> rays,
                        std::span<const Truth> truth, std::span<const rb_hit> hits,
-                       std::span<const uint8_t> occluded, uint32_t threads);
+                       std::span<const uint8_t> occluded, uint32_t threads,
+                       std::vector<Verdict>* verdicts = nullptr);
+
+/// |answer - truth| in ulp of float at the truth.
+double ErrorInUlp(float answer, double truth);
 
 /// True if a tree claiming `claim` may not give these answers: EXACT allows only exact; WATERTIGHT no leak
 /// and no plain error; the others allow all.

@@ -387,7 +387,7 @@ class Run {
     }
     std::string flaw;
     if (const auto statistics = ReadTree(entrant.tree, geometry)) {
-      flaw = statistics->enclosure_flaw;
+      flaw = statistics->flaw;
       AddTreeValues(entrant, *statistics,
                     EndPointOverlap(entrant.tree, geometry, kOverlapSamples, options_.seed));
     }

@@ -1,43 +1,40 @@
 #include "harness/statistics.h"
 
 #include <fmt/format.h>
+#include <tbb/parallel_for.h>
+#include <tbb/parallel_sort.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <vector>
 
 #include "accel/structure.h"
+#include "harness/cover.h"
 
 namespace raybench {
 namespace {
 
-/// Collects the figures while the tree is visited.
-struct Visitor {
-  explicit Visitor(const rb_geometry& g) : geometry(g), referenced(PrimCount(g)) {}
-
-  const rb_geometry& geometry;
-  TreeStatistics statistics;
-  double weighted_area = 0, root_area = 0;
-  bool all_boxes = true, any_node = false;
-  std::vector<bool> referenced;
-  std::vector<Bounds3> covered;  // space partitions: the box around all leaves of a primitive
-
-  void Flaw(std::string text) {
-    if (statistics.enclosure_flaw.empty()) statistics.enclosure_flaw = std::move(text);
-  }
+/// Collects the figures, and checks, while the tree is visited.
+class Visitor {
+ public:
+  explicit Visitor(const rb_geometry& g) : geometry_(g), referenced_(PrimCount(g)) {}
 
   void Node(const rb_node& node) {
-    TreeStatistics& s = statistics;
+    TreeStatistics& s = statistics_;
+    CheckPlace(node);
     Bounds3 box;
     const bool is_box = node.shape == RB_SHAPE_BOX && node.bounds_count == 6;
     if (is_box) {
       box = {LoadVec3(node.bounds), LoadVec3(node.bounds + 3)};
-      if (!any_node) root_area = box.HalfArea();
-      weighted_area += double(box.HalfArea()) * (node.is_leaf ? node.prim_count : 1);
+      if (nodes_ == 0) root_area_ = box.HalfArea();
+      weighted_area_ += double(box.HalfArea()) * (node.is_leaf ? node.prim_count : 1);
     } else {
-      all_boxes = false;
+      ++s.unchecked_nodes;
     }
-    any_node = true;
+    CheckInsideParent(node.depth, is_box ? std::optional(box) : std::nullopt);
+    ++nodes_;
+    last_depth_ = node.depth, last_is_leaf_ = node.is_leaf != 0;
     s.depth = std::max(s.depth, node.depth);
     if (!node.is_leaf) {
       ++s.inner_nodes;
@@ -46,35 +43,104 @@ struct Visitor {
     ++s.leaf_nodes;
     s.empty_leaf_nodes += node.prim_count == 0;
     s.references += node.prim_count;
+    if (node.space_partition && is_box && node.prim_count > 0) cells_.push_back(box);
     for (uint32_t i = 0; i < node.prim_count; ++i) Reference(node, node.prims[i], is_box ? &box : nullptr);
   }
 
-  void Reference(const rb_node& leaf, uint32_t prim, const Bounds3* box) {
-    if (prim >= referenced.size()) {
-      Flaw(fmt::format("a leaf refers to primitive {}, but there are {}", prim, referenced.size()));
-      return;
+  TreeStatistics Finish() {
+    if (nodes_ == 0) return {};
+    if (!last_is_leaf_)
+      Flaw(fmt::format("node {} of the visit is an inner node without children", nodes_ - 1));
+    for (size_t prim = 0; prim < referenced_.size(); ++prim)
+      if (!referenced_[prim]) Flaw(fmt::format("no leaf holds primitive {}", prim));
+    if (const auto prim = FirstUncovered())
+      Flaw(fmt::format("the leaves of primitive {} leave out part of it", *prim));
+    if (statistics_.unchecked_nodes == 0 && root_area_ > 0)
+      statistics_.sah_cost = weighted_area_ / root_area_;
+    return std::move(statistics_);
+  }
+
+ private:
+  void Flaw(std::string text) {
+    if (statistics_.flaw.empty()) statistics_.flaw = std::move(text);
+  }
+
+  void CheckPlace(const rb_node& node) {
+    const auto flaw = [&](const char* what) { Flaw(fmt::format("node {} of the visit {}", nodes_, what)); };
+    if (nodes_ == 0) {
+      if (node.depth != 0) flaw("is the first one and has another depth than 0");
+    } else if (node.depth == 0) {
+      flaw("is a second root");
+    } else if (last_is_leaf_ ? node.depth > last_depth_ : node.depth > last_depth_ + 1) {
+      flaw("is deeper than a child of the one before it");
+    } else if (!last_is_leaf_ && node.depth <= last_depth_) {
+      Flaw(fmt::format("node {} of the visit is an inner node without children", nodes_ - 1));
     }
-    referenced[prim] = true;
-    if (box == nullptr) return;
+  }
+
+  void CheckInsideParent(uint32_t depth, std::optional<Bounds3> box) {
+    if (depth > path_.size()) return;  // not pre-order: told already
+    if (depth > 0 && box && path_[depth - 1] && !box->Empty() && !path_[depth - 1]->Contains(*box))
+      Flaw(fmt::format("the box of node {} of the visit is not inside its parent's", nodes_));
+    path_.resize(depth);
+    path_.push_back(box);
+  }
+
+  void Reference(const rb_node& leaf, uint32_t prim, const Bounds3* box) {
+    if (prim >= referenced_.size())
+      return Flaw(fmt::format("a leaf refers to primitive {}, but there are {}", prim, referenced_.size()));
+    referenced_[prim] = true;
     if (leaf.space_partition) {
-      if (covered.empty()) covered.resize(referenced.size());
-      covered[prim].Extend(*box);
-    } else if (!box->Contains(PrimBounds(geometry, prim))) {
+      // A cell of another shape than a box may hold any part.
+      parts_.push_back({prim, box != nullptr ? uint32_t(cells_.size() - 1) : RAYBENCH_NONE});
+    } else if (box != nullptr && !box->Contains(PrimBounds(geometry_, prim))) {
       Flaw(fmt::format("the bounds of a leaf leave out part of primitive {}", prim));
     }
   }
 
-  void Finish() {
-    for (size_t prim = 0; prim < referenced.size(); ++prim) {
-      if (!referenced[prim]) {
-        Flaw(fmt::format("no leaf holds primitive {}", prim));
-      } else if (!covered.empty() && !covered[prim].Empty() &&
-                 !covered[prim].Contains(PrimBounds(geometry, uint32_t(prim)))) {
-        Flaw(fmt::format("the leaves of primitive {} leave out part of it", prim));
+  std::optional<uint32_t> FirstUncovered() {
+    tbb::parallel_sort(parts_.begin(), parts_.end());
+    std::vector<size_t> starts;
+    for (size_t i = 0; i < parts_.size(); ++i)
+      if (i == 0 || parts_[i].first != parts_[i - 1].first) starts.push_back(i);
+    std::atomic<uint32_t> first = RAYBENCH_NONE;
+    tbb::parallel_for(size_t{0}, starts.size(), [&](size_t s) {
+      const size_t end = s + 1 < starts.size() ? starts[s + 1] : parts_.size();
+      const uint32_t prim = parts_[starts[s]].first;
+      if (prim >= first || Covered(prim, std::span(parts_).subspan(starts[s], end - starts[s]))) return;
+      for (uint32_t seen = first; prim < seen && !first.compare_exchange_weak(seen, prim);) {
       }
-    }
-    if (all_boxes && root_area > 0) statistics.sah_cost = weighted_area / root_area;
+    });
+    return first == RAYBENCH_NONE ? std::nullopt : std::optional(first.load());
   }
+
+  using Part = std::pair<uint32_t, uint32_t>;  // primitive, cell
+
+  bool Covered(uint32_t prim, std::span<const Part> parts) const {
+    const Bounds3 whole = PrimBounds(geometry_, prim);
+    std::vector<Bounds3> boxes;
+    Bounds3 all;
+    for (const auto& [same_prim, cell] : parts) {
+      if (cell == RAYBENCH_NONE || cells_[cell].Contains(whole)) return true;
+      boxes.push_back(cells_[cell]);
+      all.Extend(cells_[cell]);
+    }
+    if (!all.Contains(whole)) return false;
+    if (prim >= geometry_.triangle_count) return true;
+    return BoxesCover(boxes, Vertex(geometry_, prim, 0), Vertex(geometry_, prim, 1),
+                      Vertex(geometry_, prim, 2));
+  }
+
+  const rb_geometry& geometry_;
+  TreeStatistics statistics_;
+  double weighted_area_ = 0, root_area_ = 0;
+  uint64_t nodes_ = 0;
+  uint32_t last_depth_ = 0;
+  bool last_is_leaf_ = false;
+  std::vector<std::optional<Bounds3>> path_;  // from the root to the last node
+  std::vector<bool> referenced_;
+  std::vector<Bounds3> cells_;  // leaves of a space partition, and what they refer to
+  std::vector<Part> parts_;
 };
 
 }  // namespace
@@ -89,9 +155,29 @@ std::optional<TreeStatistics> ReadTree(const Tree& tree, const rb_geometry& geom
         return 0;
       },
       &visitor);
-  if (!visitor.any_node) return TreeStatistics{};
-  visitor.Finish();
-  return visitor.statistics;
+  return visitor.Finish();
+}
+
+double UpperRate(uint64_t events, uint64_t trials) {
+  if (events >= trials) return 1;
+  const double k = double(events), n = double(trials);
+  // P(X <= k) at rate p: the largest term, and the others by their ratios, downward.
+  const double log_choose = std::lgamma(n + 1) - std::lgamma(k + 1) - std::lgamma(n - k + 1);
+  const auto at_most = [&](double p) {
+    double sum = 1, ratio = 1;
+    for (double j = k; j > 0 && ratio > 1e-17 * sum; --j) {
+      ratio *= j / (n - j + 1) * (1 - p) / p;
+      sum += ratio;
+    }
+    return std::exp(log_choose + k * std::log(p) + (n - k) * std::log1p(-p)) * sum;
+  };
+  double lo = k / n, hi = 1;
+  for (int i = 0; i < 200 && lo < hi; ++i) {
+    const double middle = lo == 0 ? hi * 0.5 : std::sqrt(lo * hi);
+    if (middle <= lo || middle >= hi) break;
+    (at_most(middle) > 0.05 ? lo : hi) = middle;
+  }
+  return hi;
 }
 
 MedianInterval MedianOf(std::span<const double> values) {

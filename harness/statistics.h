@@ -20,14 +20,27 @@ struct TreeStatistics {
   /// Sum over nodes of area / root area x (1 for an inner node, primitives for a leaf) (MacDonald, Booth
   /// 1990). Absent when a node is not a box or the root has no area.
   std::optional<double> sah_cost;
-  /// The first primitive found that no leaf holds or that leaf bounds leave out, in words; empty if there is
-  /// none. In an object partition every leaf must enclose its primitives; in a space partition the box around
-  /// all leaves that reference a primitive must.
-  std::string enclosure_flaw;
+  uint64_t unchecked_nodes = 0;  ///< not boxes, so that nothing is known of what they enclose
+  /// The first thing found that makes the tree lose rays or is not as the contract says, in words; empty if
+  /// there is none:
+  /// - not pre-order: a root of another depth than 0, more than one root, a node that is deeper than a child
+  ///   of the node before it, an inner node without children;
+  /// - a box that is not inside the box of its parent;
+  /// - a primitive that no leaf holds, or a reference to one that does not exist;
+  /// - object partition: a primitive that is not inside the box of its leaf;
+  /// - space partition: part of a triangle that lies in none of the leaves that refer to it (triangle minus
+  ///   boxes, in double: a gap is seen when it is wider than 2^-44 of the coordinates, and floats that differ
+  ///   do so by 2^-24); of a procedural primitive, part of its bounds outside the box around these leaves.
+  std::string flaw;
 };
 
-/// Absent when the structure shows no nodes.
+/// Absent when the structure shows no nodes. Keeps the leaves of a space partition in memory while it runs.
 std::optional<TreeStatistics> ReadTree(const Tree& tree, const rb_geometry& geometry);
+
+/// The upper bound at 95 % of the rate of something seen `events` times in `trials` independent trials: the
+/// rate at which so few come with probability 5 % (Clopper and Pearson 1934, one-sided). For no event this is
+/// the rule of three, 3 / trials (Hanley and Lippman-Hand 1983). 1 for no trials.
+double UpperRate(uint64_t events, uint64_t trials);
 
 /// Median and its distribution-free confidence interval between two order statistics (David, Nagaraja
 /// 2003, 7.1).

@@ -11,8 +11,6 @@
 namespace raybench {
 namespace {
 
-constexpr size_t kWidth = 120;
-
 std::string Text(const Json& row, const char* column) {
   return row.at(column).is_string() ? row.at(column).get<std::string>() : std::string();
 }
@@ -20,42 +18,6 @@ std::optional<double> Number(const Json& row, const char* column) {
   if (!row.at(column).is_number()) return std::nullopt;
   return row.at(column).get<double>();
 }
-
-/// Rows of text in aligned columns, the first two to the left; blocks of as many columns as fit, the first
-/// column repeated.
-class Grid {
- public:
-  explicit Grid(std::vector<std::string> header) { rows_.push_back(std::move(header)); }
-  void Add(std::vector<std::string> row) { rows_.push_back(std::move(row)); }
-
-  std::string Format(size_t left_columns) const {
-    const size_t columns = rows_[0].size();
-    std::vector<size_t> width(columns, 0);
-    for (const auto& row : rows_) {
-      for (size_t c = 0; c < columns; ++c) width[c] = std::max(width[c], row[c].size());
-    }
-    std::string text;
-    for (size_t begin = 1; begin < columns;) {
-      size_t end = begin, total = 2 + width[0];
-      while (end < columns && (end == begin || total + 2 + width[end] <= kWidth)) total += 2 + width[end++];
-      for (const auto& row : rows_) {
-        std::string line = fmt::format("  {:<{}}", row[0], width[0]);
-        for (size_t c = begin; c < end; ++c) {
-          line += c < left_columns ? fmt::format("  {:<{}}", row[c], width[c])
-                                   : fmt::format("  {:>{}}", row[c], width[c]);
-        }
-        line.erase(line.find_last_not_of(' ') + 1);
-        text += line + "\n";
-      }
-      begin = end;
-      if (begin < columns) text += "\n";
-    }
-    return text;
-  }
-
- private:
-  std::vector<std::vector<std::string>> rows_;
-};
 
 /// All cases of one tree.
 using Rows = std::vector<const Json*>;
@@ -192,6 +154,34 @@ std::string FormatScene(const Rows& scene) {
 }
 
 }  // namespace
+
+void Grid::Add(std::vector<std::string> row) { rows_.push_back(std::move(row)); }
+
+std::string Grid::Format(size_t left_columns, size_t width_limit) const {
+  const size_t columns = rows_[0].size();
+  std::vector<size_t> width(columns, 0);
+  for (const auto& row : rows_) {
+    for (size_t c = 0; c < columns; ++c) width[c] = std::max(width[c], row[c].size());
+  }
+  std::string text;
+  for (size_t begin = 1; begin < columns;) {
+    size_t end = begin, total = 2 + width[0];
+    while (end < columns && (end == begin || total + 2 + width[end] <= width_limit))
+      total += 2 + width[end++];
+    for (const auto& row : rows_) {
+      std::string line = fmt::format("  {:<{}}", row[0], width[0]);
+      for (size_t c = begin; c < end; ++c) {
+        line += c < left_columns ? fmt::format("  {:<{}}", row[c], width[c])
+                                 : fmt::format("  {:>{}}", row[c], width[c]);
+      }
+      line.erase(line.find_last_not_of(' ') + 1);
+      text += line + "\n";
+    }
+    begin = end;
+    if (begin < columns) text += "\n";
+  }
+  return text;
+}
 
 std::string FormatFigure(double value) {
   if (value == 0 || !std::isfinite(value)) return fmt::format("{}", value);

@@ -245,6 +245,8 @@ double UlpOfFloat(double t) {
 
 double EightUlp(double t) { return 8 * UlpOfFloat(t); }
 
+double ErrorInUlp(float answer, double truth) { return std::fabs(answer - truth) / UlpOfFloat(truth); }
+
 Adjacency::Adjacency(const Scene& scene) : scene_(scene) {
   const size_t vertices = scene.positions.size(), triangles = scene.triangles.size();
   // Position ids: vertices sorted by bits (-0 counted as 0); equal ones share the lowest index.
@@ -438,7 +440,8 @@ uint64_t VerdictCounts::plain_errors() const {
 
 VerdictCounts JudgeAll(const Oracle& oracle, uint32_t query_kind, std::span<const rb_ray> rays,
                        std::span<const Truth> truth, std::span<const rb_hit> hits,
-                       std::span<const uint8_t> occluded, uint32_t threads) {
+                       std::span<const uint8_t> occluded, uint32_t threads,
+                       std::vector<Verdict>* verdicts_out) {
   const bool closest = query_kind == RB_CLOSEST;
   if (truth.size() != rays.size() || (closest ? hits.size() : occluded.size()) != rays.size())
     throw InputError("verdict: rays, truth and answers differ in number");
@@ -454,7 +457,7 @@ VerdictCounts JudgeAll(const Oracle& oracle, uint32_t query_kind, std::span<cons
   for (size_t i = 0; i < rays.size(); ++i) {
     ++counts.by_class[size_t(verdicts[i])];
     if (closest && truth[i].hit && verdicts[i] <= Verdict::kNeighbour)
-      errors.push_back(std::fabs(hits[i].t - truth[i].t) / UlpOfFloat(truth[i].t));
+      errors.push_back(ErrorInUlp(hits[i].t, truth[i].t));
   }
   if (!errors.empty()) {
     std::sort(errors.begin(), errors.end());
@@ -464,6 +467,7 @@ VerdictCounts JudgeAll(const Oracle& oracle, uint32_t query_kind, std::span<cons
     counts.t_error_p50 = percentile(50), counts.t_error_p99 = percentile(99),
     counts.t_error_max = errors.back();
   }
+  if (verdicts_out != nullptr) *verdicts_out = std::move(verdicts);
   return counts;
 }
 

@@ -2,13 +2,17 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <random>
 #include <vector>
 
+#include "datasets/random.h"
+#include "harness/cover.h"
 #include "harness/end_point_overlap.h"
 #include "harness/plan.h"
 #include "harness/statistics.h"
+#include "harness/verify_report.h"
 #include "tests/meshes.h"
 
 namespace raybench {
@@ -106,7 +110,7 @@ TEST(HarnessTreeStatistics, CountsDepthReferencesAndSahCostOfAHandMadeTree) {
   // (leaf).
   ASSERT_TRUE(s->sah_cost);
   EXPECT_NEAR(*s->sah_cost, 1 + 9.0 / 7, 1e-12);
-  EXPECT_EQ(s->enclosure_flaw, "");
+  EXPECT_EQ(s->flaw, "");
 }
 
 TEST(HarnessTreeStatistics, NamesAPrimitiveThatALeafLeavesOutOrThatNoLeafHolds) {
@@ -115,23 +119,137 @@ TEST(HarnessTreeStatistics, NamesAPrimitiveThatALeafLeavesOutOrThatNoLeafHolds) 
   const uint32_t prims[] = {0, 1};
   HandTree hand;
   hand.nodes = {{0, 1, 0, RB_SHAPE_BOX, small, 6, 2, prims}};
-  EXPECT_EQ(hand.Read(mesh.Geometry())->enclosure_flaw, "the bounds of a leaf leave out part of primitive 1");
+  EXPECT_EQ(hand.Read(mesh.Geometry())->flaw, "the bounds of a leaf leave out part of primitive 1");
   hand.nodes = {{0, 1, 0, RB_SHAPE_BOX, all, 6, 1, prims}};
-  EXPECT_EQ(hand.Read(mesh.Geometry())->enclosure_flaw, "no leaf holds primitive 1");
+  EXPECT_EQ(hand.Read(mesh.Geometry())->flaw, "no leaf holds primitive 1");
   const uint32_t wrong[] = {0, 1, 2};
   hand.nodes = {{0, 1, 0, RB_SHAPE_BOX, all, 6, 3, wrong}};
-  EXPECT_EQ(hand.Read(mesh.Geometry())->enclosure_flaw, "a leaf refers to primitive 2, but there are 2");
+  EXPECT_EQ(hand.Read(mesh.Geometry())->flaw, "a leaf refers to primitive 2, but there are 2");
 }
 
 TEST(HarnessTreeStatistics, LeavesOfASpacePartitionMayShareAPrimitive) {
   const testing::Mesh mesh = TwoTriangles();
-  const float left[] = {0, 0, 0, 2.5f, 1, 1}, right[] = {2.5f, 0, 0, 3, 1, 1};
+  const float all[] = {0, 0, 0, 3, 1, 1}, left[] = {0, 0, 0, 2.5f, 1, 1}, right[] = {2.5f, 0, 0, 3, 1, 1};
   const uint32_t prims[] = {0, 1};
   HandTree hand;
-  hand.nodes = {{0, 1, 1, RB_SHAPE_BOX, left, 6, 2, prims}, {0, 1, 1, RB_SHAPE_BOX, right, 6, 1, prims + 1}};
-  EXPECT_EQ(hand.Read(mesh.Geometry())->enclosure_flaw, "");
-  hand.nodes.pop_back();
-  EXPECT_EQ(hand.Read(mesh.Geometry())->enclosure_flaw, "the leaves of primitive 1 leave out part of it");
+  hand.nodes = {{0, 0, 1, RB_SHAPE_BOX, all, 6, 0, nullptr},
+                {1, 1, 1, RB_SHAPE_BOX, left, 6, 2, prims},
+                {1, 1, 1, RB_SHAPE_BOX, right, 6, 1, prims + 1}};
+  EXPECT_EQ(hand.Read(mesh.Geometry())->flaw, "");
+  // The box around both leaves would still hold the triangle.
+  const float narrow[] = {std::nextafter(2.5f, 3.0f), 0, 0, 3, 1, 1};
+  hand.nodes[2].bounds = narrow;
+  EXPECT_EQ(hand.Read(mesh.Geometry())->flaw, "the leaves of primitive 1 leave out part of it");
+  hand.nodes[2].bounds = right;
+  hand.nodes[2].prims = prims;
+  EXPECT_EQ(hand.Read(mesh.Geometry())->flaw, "the leaves of primitive 1 leave out part of it");
+}
+
+TEST(HarnessTreeStatistics, NodesAreInPreOrderAndInsideTheirParents) {
+  const testing::Mesh mesh = TwoTriangles();
+  const float all[] = {0, 0, 0, 3, 1, 1}, larger[] = {0, 0, 0, 3, 1, 1.5f};
+  const uint32_t prims[] = {0, 1};
+  const rb_node inner{0, 0, 0, RB_SHAPE_BOX, all, 6, 0, nullptr},
+      leaf{1, 1, 0, RB_SHAPE_BOX, all, 6, 2, prims};
+  const auto at = [](rb_node node, uint32_t depth) {
+    node.depth = depth;
+    return node;
+  };
+  HandTree hand;
+  const auto flaw = [&](std::vector<rb_node> nodes) {
+    hand.nodes = std::move(nodes);
+    return hand.Read(mesh.Geometry())->flaw;
+  };
+  EXPECT_EQ(flaw({inner, leaf, leaf}), "");
+  EXPECT_EQ(flaw({inner, at(inner, 1), at(leaf, 2), leaf}), "");
+  EXPECT_EQ(flaw({leaf}), "node 0 of the visit is the first one and has another depth than 0");
+  EXPECT_EQ(flaw({inner, leaf, at(leaf, 0)}), "node 2 of the visit is a second root");
+  EXPECT_EQ(flaw({inner, at(leaf, 2)}), "node 1 of the visit is deeper than a child of the one before it");
+  EXPECT_EQ(flaw({inner, leaf, at(leaf, 2)}),
+            "node 2 of the visit is deeper than a child of the one before it");
+  EXPECT_EQ(flaw({inner, at(inner, 1), leaf}), "node 1 of the visit is an inner node without children");
+  EXPECT_EQ(flaw({inner, leaf, at(inner, 1)}), "node 2 of the visit is an inner node without children");
+  rb_node wide = leaf;
+  wide.bounds = larger;
+  EXPECT_EQ(flaw({inner, leaf, wide}), "the box of node 2 of the visit is not inside its parent's");
+  wide.shape = RB_SHAPE_SPHERE, wide.bounds_count = 4;
+  EXPECT_EQ(flaw({inner, leaf, wide}), "");
+  EXPECT_EQ(hand.Read(mesh.Geometry())->unchecked_nodes, 1u);
+}
+
+TEST(HarnessCover, BoxesCoverATriangleWhateverTheirOrder) {
+  const Vec3f p0{0.125f, 0.25f, 0.5f}, p1{7.5f, 1.25f, 3.25f}, p2{2.25f, 7.75f, 6.5f};
+  // Cells of a grid of 8 x 8 x 8; those that the triangle does not reach are not needed, each other one is.
+  std::vector<Bounds3> cells;
+  for (int x = 0; x < 8; ++x)
+    for (int y = 0; y < 8; ++y)
+      for (int z = 0; z < 8; ++z)
+        cells.push_back({{float(x), float(y), float(z)}, {float(x + 1), float(y + 1), float(z + 1)}});
+  std::shuffle(cells.begin(), cells.end(), std::mt19937(5));
+  EXPECT_TRUE(BoxesCover(cells, p0, p1, p2));
+  std::vector<Bounds3> needed;
+  for (size_t i = 0; i < cells.size(); ++i) {
+    std::vector<Bounds3> others = cells;
+    others.erase(others.begin() + ptrdiff_t(i));
+    if (!BoxesCover(others, p0, p1, p2)) needed.push_back(cells[i]);
+  }
+  EXPECT_GT(needed.size(), 60u);
+  EXPECT_LT(needed.size(), 160u);
+  EXPECT_TRUE(BoxesCover(needed, p0, p1, p2));
+  // Points of the triangle are in the cells that are needed.
+  Random random(3);
+  for (int i = 0; i < 2000; ++i) {
+    double u = random.NextDouble(), v = random.NextDouble();
+    if (u + v > 1) u = 1 - u, v = 1 - v;
+    const Vec3d p = ToDouble(p0) * (1 - u - v) + ToDouble(p1) * u + ToDouble(p2) * v;
+    EXPECT_TRUE(std::any_of(needed.begin(), needed.end(), [&](const Bounds3& b) {
+      return p.x >= b.lo.x && p.x <= b.hi.x && p.y >= b.lo.y && p.y <= b.hi.y && p.z >= b.lo.z &&
+             p.z <= b.hi.z;
+    }));
+  }
+  // A gap of one ulp anywhere between the cells is seen.
+  for (Bounds3& b : needed) b.hi.x = std::nextafter(b.hi.x, 0.0f);
+  EXPECT_FALSE(BoxesCover(needed, p0, p1, p2));
+  EXPECT_FALSE(BoxesCover({}, p0, p1, p2));
+  // In the plane of a face, on either side.
+  const std::vector<Bounds3> one = {{{0, 0, 0}, {1, 1, 1}}};
+  EXPECT_TRUE(BoxesCover(one, {0, 0, 1}, {1, 0, 1}, {0, 1, 1}));
+  EXPECT_FALSE(BoxesCover(one, {0, 0, 1}, {1, 0, 1}, {0, 1, std::nextafter(1.0f, 2.0f)}));
+}
+
+TEST(HarnessUpperRate, IsThatOfClopperAndPearson) {
+  EXPECT_NEAR(UpperRate(0, 1), 0.95, 1e-12);
+  EXPECT_NEAR(UpperRate(0, 100), 1 - std::pow(0.05, 0.01), 1e-12);
+  EXPECT_NEAR(UpperRate(0, 100'000'000) * 1e8, 2.9957, 1e-4);  // the rule of three
+  // Quantiles of the beta distribution from a table: 95 % of Beta(k + 1, n - k).
+  EXPECT_NEAR(UpperRate(1, 10), 0.394163, 1e-6);
+  EXPECT_NEAR(UpperRate(5, 100), 0.102253, 1e-5);
+  EXPECT_NEAR(UpperRate(1, 1'000'000) * 1e6, 4.7438, 1e-3);  // Poisson: 95 % of chi-squared(4) / 2
+  EXPECT_NEAR(UpperRate(100'000, 1'000'000), 0.1 + 1.6449 * std::sqrt(0.09e-6), 2e-6);
+  EXPECT_EQ(UpperRate(7, 7), 1);
+  EXPECT_EQ(UpperRate(0, 0), 1);
+  for (uint64_t k = 1; k < 50; ++k) EXPECT_GT(UpperRate(k, 50), UpperRate(k - 1, 50));
+}
+
+TEST(HarnessErrorHistogram, PercentilesAreAtMostASixtyFourthTooLarge) {
+  Random random(9);
+  ErrorHistogram whole, half;
+  std::vector<double> errors;
+  EXPECT_EQ(whole.Percentile(50), 0);
+  for (int i = 0; i < 10000; ++i) {
+    const double error = i % 10 == 0 ? 0 : std::ldexp(random.NextDouble(), int(random.Below(40)) - 20);
+    errors.push_back(error);
+    (i % 2 ? whole : half).Add(error);
+  }
+  whole.Add(half);
+  std::sort(errors.begin(), errors.end());
+  for (uint64_t percent : {5, 50, 90, 99}) {
+    const double exact = errors[errors.size() * percent / 100 - 1], got = whole.Percentile(percent);
+    EXPECT_GE(got, exact);
+    EXPECT_LE(got, exact * (1 + 1.0 / 64) * (1 + 1e-6));
+  }
+  EXPECT_EQ(whole.Max(), errors.back());
+  EXPECT_EQ(whole.Percentile(100), errors.back());
 }
 
 TEST(HarnessTreeStatistics, EveryBuiltInTreeEnclosesItsPrimitives) {
@@ -143,7 +261,7 @@ TEST(HarnessTreeStatistics, EveryBuiltInTreeEnclosesItsPrimitives) {
     SCOPED_TRACE(structure->name);
     EXPECT_EQ(statistics.has_value(), structure->visit != nullptr);
     if (statistics && statistics->leaf_nodes > 0) {
-      EXPECT_EQ(statistics->enclosure_flaw, "");
+      EXPECT_EQ(statistics->flaw, "");
       EXPECT_GE(statistics->references, ball.triangles.size());
     }
   }

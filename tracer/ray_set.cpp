@@ -99,22 +99,26 @@ RaySet Shuffle(const RaySet& set, uint64_t seed, const Bounds3& bounds) {
 
 // Two independent uniform points on a sphere span a chord with the measure of uniformly random lines through
 // it (Solomon, Geometric Probability, 1978): isotropic direction, mean length 4/3 of the radius.
-RaySet RandomRays(const Scene& scene, uint64_t count, uint64_t seed) {
+rb_ray RandomRay(const Bounds3& bounds, Random& random) {
   Vec3d center{0, 0, 0};
   double radius = 1;
-  if (const Bounds3& b = scene.bounds(); !b.Empty()) {
+  if (const Bounds3& b = bounds; !b.Empty()) {
     center = (ToDouble(b.lo) + ToDouble(b.hi)) * 0.5;
     radius = 0.5 * Length(ToDouble(b.hi) - ToDouble(b.lo));
   }
+  Vec3d from = random.UnitVector(), chord;
+  do chord = random.UnitVector() - from;
+  while (Dot(chord, chord) < 1e-12);
+  const Vec3f org = ToFloat(center + from * radius), dir = ToFloat(Normalize(chord));
+  return {{org.x, org.y, org.z}, 0, {dir.x, dir.y, dir.z}, std::numeric_limits<float>::infinity()};
+}
+
+RaySet RandomRays(const Scene& scene, uint64_t count, uint64_t seed) {
   RaySet set{.kind = "random", .order = "traced", .query = RB_CLOSEST, .rays = {}, .hash = {}};
   set.rays.resize(count);
   tbb::parallel_for(uint64_t{0}, count, [&](uint64_t i) {
     Random random(seed, i);
-    Vec3d from = random.UnitVector(), chord;
-    do chord = random.UnitVector() - from;
-    while (Dot(chord, chord) < 1e-12);
-    const Vec3f org = ToFloat(center + from * radius), dir = ToFloat(Normalize(chord));
-    set.rays[i] = {{org.x, org.y, org.z}, 0, {dir.x, dir.y, dir.z}, std::numeric_limits<float>::infinity()};
+    set.rays[i] = RandomRay(scene.bounds(), random);
   });
   Freeze(set, scene.bounds());
   return set;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "accel/raybench.h"
+#include "datasets/random.h"
 #include "datasets/scene.h"
 
 namespace raybench {
@@ -37,8 +38,11 @@ RaySet Thin(const RaySet& set, uint64_t limit, const Bounds3& bounds);
 /// A shuffled twin (Fisher-Yates with `seed`).
 RaySet Shuffle(const RaySet& set, uint64_t seed, const Bounds3& bounds);
 
-/// `count` isotropic random lines through the scene's bounding sphere: entry point uniform on the sphere's
-/// surface weighted as for uniformly random lines, tfar infinite.
+/// An isotropic random line through the sphere around `bounds` (the unit sphere if they are empty): entry
+/// point uniform on the sphere's surface weighted as for uniformly random lines, tfar infinite.
+rb_ray RandomRay(const Bounds3& bounds, Random& random);
+
+/// `count` of these for the scene's bounds; ray i takes stream i of `seed`.
 RaySet RandomRays(const Scene& scene, uint64_t count, uint64_t seed);
 
 }  // namespace raybench

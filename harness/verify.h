@@ -1,0 +1,52 @@
+// `raybench verify`: does a structure lose rays? Aimed rays against exact truth, and the tree itself against
+// what it must enclose.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "accel/registry.h"
+
+namespace raybench {
+
+struct VerifyOptions {
+  std::vector<std::string> scenes;
+  std::vector<std::string> structures;  ///< specs; empty: VerifyContestants()
+  std::vector<std::string> sets;        ///< of AimedSetNames(); empty: all
+  std::vector<std::string> ray_files;   ///< .rays files or folders of them, judged instead of the sets
+  std::vector<std::string> plugins;     ///< already loaded; repeated in the commands that replay a ray
+  uint64_t rays = 0;                    ///< of a set; 0: the default, or whole files
+  uint64_t seed = 1;
+  uint32_t threads = 0;   ///< 0: all
+  uint32_t examples = 5;  ///< worst answers shown of a structure
+  bool any = false;       ///< any-hit queries of all rays, not of a quarter
+  bool drop_bad = false;  ///< as in LoadOptions
+  std::string out;        ///< folder for the files; empty: none are written
+  uint64_t closed = 0;    ///< rays of RunClosed()
+  std::string ledger;     ///< file in which RunClosed() adds up; empty: none
+  std::vector<std::string> command_line;
+
+  uint64_t RaysPerSet() const { return rays != 0 ? rays : 1u << 15; }
+};
+
+/// Every registered structure but `null`, at each value of its parameters `numerics` and `robust` where it
+/// has them; or the named ones. Throws InputError: unknown, or given twice.
+std::vector<Contestant> VerifyContestants(const Registry& registry, const std::vector<std::string>& specs);
+
+/// Judges, prints the tables to stdout and everything else to stderr, writes files if asked to. Returns the
+/// exit code: 0; 1 if a claim, the contract or a tree is broken; 3 if a structure could not be built; 130 if
+/// interrupted (what was judged is printed and written). Throws InputError before work starts where it can.
+int RunVerify(const Registry& registry, const VerifyOptions& options);
+
+/// Judges one ray, given as ParseRay() reads it, in the only scene named, and prints all that is known of it.
+/// Exit code as above.
+int ReplayOneRay(const Registry& registry, const VerifyOptions& options, const rb_ray& ray);
+
+/// "ox,oy,oz,tnear,dx,dy,dz,tfar", each a float as text that reads back to the same bits.
+std::string FormatRay(const rb_ray& ray);
+/// Throws InputError naming the item: not eight, not a float to the bit, or no valid ray.
+rb_ray ParseRay(const std::string& text);
+
+}  // namespace raybench
