@@ -27,7 +27,7 @@ enum class KdAxisRule : uint32_t { kCyclic, kLargest, kBest };
 struct KdOptions {
   KdMethod method = KdMethod::kSweep;
   KdAxisRule axis = KdAxisRule::kBest;
-  KdCosts costs;
+  KdCosts costs = {};
   uint32_t bins = 32;      ///< binned: planes an axis, 2..kMaxKdBins
   uint32_t leaf_size = 1;  ///< cells with no more primitives are not split, >= 0
   uint32_t max_depth = 0;  ///< of the deepest leaf; 0: 8 + 1.3 log2 of the primitives (Havran 2000)

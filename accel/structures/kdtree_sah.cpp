@@ -36,20 +36,18 @@ class KdTreeSah : public KdStructure {
          RB_CHOICE, 0, offsetof(Config, builder), 0, 0, 0, 0, builders},
         {"axis", "axis of the plane: in turn, of the cell's largest extent, or the best of all", RB_CHOICE, 0,
          offsetof(Config, axis), 0, 0, 0, double(KdAxisRule::kBest), axes},
-        {"clip", "perfect splits: a triangle stands where it lies itself, not where its box does", RB_BOOL, 0,
-         offsetof(Config, clip), 0, 0, 1, 1, nullptr},
+        {"clip", kKdClipDoc, RB_BOOL, 0, offsetof(Config, clip), 0, 0, 1, 1, nullptr},
         {"traversal_cost", "cost of a node in units of one leaf block of four primitives", RB_FLOAT, 0,
          offsetof(Config, traversal_cost), 0, 0, 100, 0.5, nullptr},
         {"empty_bonus", "share of the cost forgiven to a plane that cuts off empty space", RB_FLOAT, 0,
          offsetof(Config, empty_bonus), 0, 0, 1, 0.2, nullptr},
-        {"leaf_size", "cells with no more primitives are not split", RB_INT, 0, offsetof(Config, leaf_size),
-         0, 0, 1024, 1, nullptr},
-        {"max_depth", "depth of the deepest leaf; 0: 8 + 1.3 log2 of the primitives", RB_INT, 0,
-         offsetof(Config, max_depth), 0, 0, double(KdTree::kMaxDepth - 1), 0, nullptr},
+        {"leaf_size", kKdLeafSizeDoc, RB_INT, 0, offsetof(Config, leaf_size), 0, 0, 1024, 1, nullptr},
+        {"max_depth", kKdMaxDepthDoc, RB_INT, 0, offsetof(Config, max_depth), 0, 0,
+         double(KdTree::kMaxDepth - 1), 0, nullptr},
         {"bins", "binned: planes compared on each axis", RB_INT, 0, offsetof(Config, bins), 0, 2,
          double(kMaxKdBins), 32, nullptr},
-        {"duplication", "references that leaves may hold beyond one a primitive, a primitive", RB_FLOAT, 0,
-         offsetof(Config, duplication), 0, 0, 100, 8, nullptr}};
+        {"duplication", kKdDuplicationDoc, RB_FLOAT, 0, offsetof(Config, duplication), 0, 0, 100, 8,
+         nullptr}};
     return params;
   }
 
