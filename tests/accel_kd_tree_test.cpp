@@ -301,12 +301,10 @@ TEST(KdBuild, SahCostsLessThanMediansDo) {
 
 TEST(KdBuild, LargeTreesAreTheSameAtAnyThreadCount) {
   const Mesh mesh = Ball(6);  // 32,768 triangles: several tasks
-  for (const char* spec :
-       {"kdtree_sah", "kdtree_sah(builder=binned)", "kdtree_spatial_median", "kdtree_object_median"}) {
+  for (const char* spec : {"kdtree_sah", "kdtree_sah(builder=binned)", "kdtree_object_median"}) {
     const auto one = NodesOf(Build(spec, mesh.Geometry(), 1));
     EXPECT_GT(one.size(), 1000u);
-    for (uint32_t threads : {2u, 5u})
-      EXPECT_TRUE(one == NodesOf(Build(spec, mesh.Geometry(), threads))) << spec;
+    EXPECT_TRUE(one == NodesOf(Build(spec, mesh.Geometry(), 3))) << spec;
   }
 }
 
