@@ -21,7 +21,10 @@ struct BvhConfig {
   double traversal_cost;
   uint32_t numerics;
 
-  SahCosts Costs() const { return {uint32_t(leaf_size), 4, float(traversal_cost)}; }
+  /// Smaller leaves than a block do not fill it.
+  SahCosts Costs() const {
+    return {uint32_t(leaf_size), uint32_t(std::min<int64_t>(leaf_size, 4)), float(traversal_cost)};
+  }
   bool Padded() const { return IsConservative(numerics); }
 };
 

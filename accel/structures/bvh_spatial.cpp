@@ -110,6 +110,47 @@ class SpatialBuilder {
     uint32_t lefts = 0, rights = 0;
   };
 
+  /// A triangle as planes across an axis see it.
+  class Edges {
+   public:
+    struct Corners {
+      Float4 p[3];
+    };
+
+    Edges(const Corners& corners, int axis) : corners_(corners), axis_(axis) {
+      for (int i = 0; i < 3; ++i) {
+        along_[i] = corners.p[(i + 1) % 3] - corners.p[i];
+        per_unit_[i] = 1 / along_[i][axis];
+      }
+    }
+    /// The box around what lies in a plane.
+    Box4 Crossing(float plane) const {
+      Box4 box = Box4::Empty();
+      for (int i = 0; i < 3; ++i) {
+        const float a = corners_.p[i][axis_], b = corners_.p[(i + 1) % 3][axis_];
+        if ((a < plane) != (b < plane)) {
+          const Float4 p = corners_.p[i] + along_[i] * ((plane - a) * per_unit_[i]);
+          box.Extend({p, p});
+        }
+      }
+      return box;
+    }
+    /// The box around the corners between two planes.
+    Box4 Between(float from, float to) const {
+      Box4 box = Box4::Empty();
+      for (const Float4& p : corners_.p) {
+        if (p[axis_] >= from && p[axis_] <= to) box.Extend({p, p});
+      }
+      return box;
+    }
+
+   private:
+    Corners corners_;
+    int axis_;
+    Float4 along_[3];
+    float per_unit_[3];
+  };
+
   /// `limit`: where the room of the range's subtree ends.
   void Recurse(const RecordRange& range, size_t limit, uint32_t slot, uint32_t depth) {
     const size_t n = range.size();
@@ -181,18 +222,43 @@ class SpatialBuilder {
     return BestPlane(bins, range.size(), room, slices);
   }
 
+  /// Extends the bins of the slices that a reference reaches by its parts there. They are estimates, in
+  /// float.
   void Add(const Record& reference, int axis, const Slices& slices, SliceBins& bins) const {
     const uint32_t first = slices.Of(reference.lo[axis], axis), last = slices.Of(reference.hi[axis], axis);
     ++bins.enter[axis][first], ++bins.leave[axis][last];
-    Record rest = reference;
-    for (uint32_t b = first; b < last; ++b) {
-      const auto [left, right] = Cut(rest, axis, slices.Plane(b + 1, axis));
-      if (!IsEmpty(left)) bins.box[axis][b].Extend(left);
-      if (IsEmpty(right)) return;
-      rest.lo = right.lo, rest.hi = right.hi;
-      rest.SetId(reference.id());
+    const Box4 whole{reference.lo, reference.hi};
+    if (first == last) {
+      bins.box[axis][first].Extend(whole);
+      return;
     }
-    bins.box[axis][last].Extend({rest.lo, rest.hi});
+    const bool is_triangle = reference.id() < geometry_.triangle_count;
+    const Edges edges(is_triangle ? Triangle(reference.id()) : Edges::Corners{}, axis);
+    Box4 crossing = edges.Crossing(reference.lo[axis]);
+    float from = reference.lo[axis];
+    for (uint32_t b = first; b <= last; ++b) {
+      const float to = b < last ? slices.Plane(b + 1, axis) : reference.hi[axis];
+      Box4 slab = whole;  // of a procedural primitive nothing is known but its bounds
+      slab.lo[axis] = std::max(from, whole.lo[axis]), slab.hi[axis] = std::min(to, whole.hi[axis]);
+      if (is_triangle) {
+        const Box4 next = edges.Crossing(to);
+        Box4 part = edges.Between(from, to);
+        part.Extend(crossing), part.Extend(next);
+        slab.lo = MaxOrSecond(part.lo, slab.lo), slab.hi = MinOrSecond(part.hi, slab.hi);
+        crossing = next;
+      }
+      if (!IsEmpty(slab)) bins.box[axis][b].Extend(slab);
+      from = to;
+    }
+  }
+
+  Edges::Corners Triangle(uint32_t prim) const {
+    Edges::Corners corners;
+    for (int i = 0; i < 3; ++i) {
+      const Vec3f v = Vertex(geometry_, prim, i);
+      corners.p[i] = Float4{v.x, v.y, v.z, 0};
+    }
+    return corners;
   }
 
   SpatialSplit BestPlane(const SliceBins& bins, size_t n, size_t room, const Slices& slices) const {
