@@ -3,8 +3,8 @@
 // Wald (2007), "On fast construction of SAH-based bounding volume hierarchies": primitives are sorted into
 // bins by their centroid, on all three axes; of the planes between bins the one of least expected cost is
 // taken:
-//   cost = traversal + (area_l blocks_l + area_r blocks_r) / area,  in units of the test of one block of four
-//   primitives.
+//   cost = traversal + (area_l blocks_l + area_r blocks_r) / area,  in units of the test of one block of
+//   primitives (SahCosts).
 // Large ranges are binned and partitioned in parallel, subtrees run as tasks. Counting, minimum and maximum
 // are exact, and what is done in parallel depends on the size of a range alone, so the tree is the same at
 // any thread count.
@@ -16,16 +16,10 @@
 namespace raybench {
 
 struct BinnedSahOptions {
-  uint32_t bins = 16;           ///< per axis, 2..64
-  uint32_t leaf_size = 4;       ///< most primitives a leaf may hold, >= 1
-  uint32_t block_size = 4;      ///< primitives that a leaf tests for the price of one
-  bool padded = true;           ///< enclose PaddedPrimBounds (for conservative traversal), else PrimBounds
-  float traversal_cost = 1.5f;  ///< of an inner node, in units of one block
+  uint32_t bins = 16;  ///< per axis, 2..64
+  SahCosts costs;
+  bool padded = true;  ///< enclose PaddedPrimBounds (for conservative traversal), else PrimBounds
 };
-
-/// Deepest level at which SAH decides; below it ranges are halved, which ends after 32 more levels at most.
-inline constexpr uint32_t kSahDepth = 40;
-inline constexpr uint32_t kMaxTreeDepth = kSahDepth + 32;
 
 /// Runs inside the caller's task arena. Throws std::runtime_error when cancelled. At least one primitive.
 BinaryTree BuildBinnedSah(const rb_geometry& geometry, const BinnedSahOptions& options,

@@ -8,7 +8,8 @@
 
 namespace raybench {
 
-Bvh2::Bvh2(const rb_geometry& geometry, const BinaryTree& tree) : geometry_(geometry) {
+Bvh2::Bvh2(const rb_geometry& geometry, const BinaryTree& tree)
+    : geometry_(geometry), clipped_(tree.clipped) {
   // First pass, in depth-first order: give nodes and leaf blocks their places.
   struct Leaf {
     uint32_t slot, block;
@@ -24,7 +25,7 @@ Bvh2::Bvh2(const rb_geometry& geometry, const BinaryTree& tree) : geometry_(geom
   while (!stack.empty()) {
     const Pending p = stack.back();
     stack.pop_back();
-    if (p.depth >= kMaxDepth) throw std::runtime_error("the tree is deeper than the traversal stack");
+    if (p.depth >= kMaxTreeDepth) throw std::runtime_error("the tree is deeper than the traversal stack");
     const BuildNode& node = tree.nodes[p.slot];
     uint32_t ref;
     if (node.count > 0) {

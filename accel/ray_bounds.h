@@ -30,11 +30,10 @@
 
 namespace raybench {
 
-/// The box from lo to hi, padded as above; at least by one ulp of each coordinate, since less would be
-/// rounded away.
-inline Bounds3 PaddedBounds(Vec3f lo, Vec3f hi) {
-  const Vec3f e = hi - lo;
-  const float pad = std::max(e.x, std::max(e.y, e.z)) * 0x1p-21f;
+/// The box from lo to hi, padded as above for a triangle of that extent; at least by one ulp of each
+/// coordinate, since less would be rounded away.
+inline Bounds3 PaddedBounds(Vec3f lo, Vec3f hi, float extent) {
+  const float pad = extent * 0x1p-21f;
   Bounds3 b;
   for (int a = 0; a < 3; ++a) {
     b.lo[a] = lo[a] - std::max(pad, std::fabs(lo[a]) * 0x1p-23f);
@@ -42,6 +41,14 @@ inline Bounds3 PaddedBounds(Vec3f lo, Vec3f hi) {
   }
   return b;
 }
+
+inline float LargestExtent(Vec3f lo, Vec3f hi) {
+  const Vec3f e = hi - lo;
+  return std::max(e.x, std::max(e.y, e.z));
+}
+
+/// The same for what fills the box.
+inline Bounds3 PaddedBounds(Vec3f lo, Vec3f hi) { return PaddedBounds(lo, hi, LargestExtent(lo, hi)); }
 
 /// The triangle's bounds, padded.
 inline Bounds3 PaddedBounds(Vec3f p0, Vec3f p1, Vec3f p2) {

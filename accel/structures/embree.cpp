@@ -30,6 +30,7 @@ template <class Handle>
 using Owned = std::unique_ptr<std::remove_pointer_t<Handle>, Release>;
 
 const char* const kQualities[] = {"low", "medium", "high", nullptr};
+constexpr uint32_t kLow = 0;
 
 class Embree {
  public:
@@ -214,6 +215,8 @@ class Embree {
   }
 
   void Attach(RTCGeometry g, unsigned id) {
+    // A scene of low quality has a tree for each geometry, which is of medium quality unless told.
+    if (config_.quality == kLow) rtcSetGeometryBuildQuality(g, RTC_BUILD_QUALITY_LOW);
     rtcCommitGeometry(g);
     rtcAttachGeometryByID(scene_.get(), g, id);
     rtcReleaseGeometry(g);
