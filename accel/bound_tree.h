@@ -25,7 +25,7 @@ template <class Bound>
 class BoundTree {
  public:
   static constexpr uint32_t kMaxLeaf = 16;
-  static constexpr uint32_t kMaxDepth = 80;  ///< builders stay below
+  static constexpr uint32_t kMaxDepth = kMaxTreeDepth;  ///< builders stay below
 
   BoundTree() = default;
   /// Runs inside the caller's task arena. Throws std::runtime_error if the tree is too deep or cancelled.

@@ -21,7 +21,7 @@ BoundTree<Bound> BuildBinnedBoundTree(const rb_geometry& geometry, const rb_buil
     throw std::runtime_error(fmt::format("building needs about {} MiB, over the memory limit", need >> 20));
   tbb::task_arena arena(int(options.threads));
   arena.execute([&] {
-    const BinnedSahOptions build{.leaf_size = leaf_size, .padded = padded};
+    const BinnedSahOptions build{.costs = {.leaf_size = leaf_size}, .padded = padded};
     tree =
         BoundTree<Bound>(geometry, BuildBinnedSah(geometry, build, options.cancel), padded, options.cancel);
   });
