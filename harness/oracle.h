@@ -22,12 +22,17 @@ struct Truth {
   bool coplanar = false;  ///< the ray lies in the plane of a triangle it meets: hit and miss are both right
                           ///< for it; such a triangle is never in `tied`
   double t = 0;           ///< exact t of the nearest hit, rounded to double (Exact() oracles)
-  std::vector<uint32_t> tied;  ///< every primitive hit at exactly that t, ascending; empty on a miss
+  float t_rounded = 0;    ///< the exact t correctly rounded to float (ties to even, infinite beyond float);
+                          ///< the float after tnear where that is tnear, which no answer may be
+  uint32_t first = RAYBENCH_NONE;  ///< lowest id of all primitives whose t, so rounded, is t_rounded: the
+                                   ///< answer by the contract's order (float t, prim), perhaps not in `tied`
+  std::vector<uint32_t> tied;      ///< every primitive hit at exactly that t, ascending; empty on a miss
   Feature feature = Feature::kInterior;  ///< where the lowest of them is hit
 };
 
 enum class Verdict : uint8_t {
-  kExact,      ///< the lowest id of the tied set, t correct (a miss where truth is a miss)
+  kExact,      ///< the lowest id of the tied set, t correct (a miss where truth is a miss); what IsStrict()
+               ///< accepts
   kTie,        ///< another member of the tied set, t correct
   kNeighbour,  ///< shares a vertex with a true primitive, t within 8 ulp, edge functions within the error
                ///< bound
@@ -47,6 +52,7 @@ const char* VerdictName(
 struct VerdictCounts {
   uint64_t rays = 0;
   uint64_t by_class[size_t(Verdict::kCount)] = {};
+  uint64_t strict = 0;  ///< answers, all of class exact, that are the one which `exact` promises: IsStrict()
   double t_error_p50 = 0, t_error_p99 = 0,
          t_error_max = 0;  ///< ulp of float; over exact, tie and neighbour hits
 
@@ -60,6 +66,9 @@ class Oracle {
   virtual ~Oracle() = default;
   /// Truth of each ray, in parallel over at most `threads` (0: all). Rays must be valid (see IsValidRay).
   virtual std::vector<Truth> Ask(std::span<const rb_ray> rays, uint32_t threads) const = 0;
+  /// True if the answer is, to the bit, what a structure claiming `exact` must give: (first, t_rounded), or a
+  /// miss where truth is a miss. A triangle in whose plane the ray lies may be answered in place of either.
+  virtual bool IsStrict(const rb_ray& ray, const Truth& truth, const rb_hit& answer) const = 0;
   /// Judges a closest-hit answer.
   virtual Verdict Judge(const rb_ray& ray, const Truth& truth, const rb_hit& answer) const = 0;
   /// Judges an any-hit answer: occluded must equal truth.hit; else false_hit/false_miss (marginal) or leak.
@@ -87,8 +96,8 @@ VerdictCounts JudgeAll(const Oracle& oracle, uint32_t query_kind, std::span<cons
 /// |answer - truth| in ulp of float at the truth.
 double ErrorInUlp(float answer, double truth);
 
-/// True if a tree claiming `claim` may not give these answers: EXACT allows only exact; WATERTIGHT no leak
-/// and no plain error; the others allow all.
+/// True if a tree claiming `claim` may not give these answers: EXACT allows only strict ones; WATERTIGHT no
+/// leak and no plain error; the others allow all.
 bool BreaksClaim(uint32_t claim, const VerdictCounts& counts);
 
 }  // namespace raybench

@@ -211,6 +211,12 @@ class CgalOracle final : public JudgingOracle {
     return exact::PlaneRatio(exact::Line(ray), Corners(prim));
   }
 
+  /// The t that an exact answer has.
+  float RoundedT(const rb_ray& ray, const Crossing& c) const {
+    const float lo = float(c.t - c.error), hi = float(c.t + c.error);
+    return AnswerableT(lo == hi ? lo : exact::RoundToFloat(Ratio(ray, c.prim)), ray);
+  }
+
   /// Every triangle whose t may lie in the interval, at least.
   std::vector<uint32_t> Candidates(const rb_ray& ray) const {
     std::vector<uint32_t> prims;
@@ -264,9 +270,10 @@ class CgalOracle final : public JudgingOracle {
     Truth truth;
     std::vector<Crossing> crossings = Crossings(ray, truth.coplanar);
     if (crossings.empty()) return truth;
-    double latest = std::numeric_limits<double>::infinity();
-    for (const Crossing& c : crossings) latest = std::min(latest, c.t + c.error);
-    std::erase_if(crossings, [&](const Crossing& c) { return c.t - c.error > latest; });
+    // What may round to the float of the nearest stays.
+    float latest = std::numeric_limits<float>::infinity();
+    for (const Crossing& c : crossings) latest = std::min(latest, AnswerableT(float(c.t + c.error), ray));
+    std::erase_if(crossings, [&](const Crossing& c) { return float(c.t - c.error) > latest; });
     std::sort(crossings.begin(), crossings.end(),
               [](const Crossing& a, const Crossing& b) { return a.prim < b.prim; });
 
@@ -286,6 +293,11 @@ class CgalOracle final : public JudgingOracle {
       if (order <= 0) truth.tied.push_back(prim);
     }
     truth.t = best.Value();
+    truth.t_rounded = AnswerableT(exact::RoundToFloat(best), ray);
+    for (size_t i = 0; truth.first == RAYBENCH_NONE; ++i) {
+      if (crossings[i].prim == truth.tied.front() || RoundedT(ray, crossings[i]) == truth.t_rounded)
+        truth.first = crossings[i].prim;
+    }
     truth.feature = meeting == Meeting::kInterior ? Feature::kInterior
                     : meeting == Meeting::kEdge   ? Feature::kEdge
                                                   : Feature::kVertex;

@@ -185,8 +185,10 @@ class DoubleOracle final : public JudgingOracle {
     const double nearest = std::min_element(found.begin(), found.end(), [](const Found& a, const Found& b) {
                              return a.hit.t < b.hit.t;
                            })->hit.t;
-    truth.hit = true, truth.t = nearest;
+    truth.hit = true, truth.t = nearest, truth.t_rounded = AnswerableT(float(nearest), ray);
     for (const Found& f : found) {
+      if (truth.first == RAYBENCH_NONE && AnswerableT(float(f.hit.t), ray) == truth.t_rounded)
+        truth.first = f.hit.prim;
       if (f.hit.t > nearest + kTie * std::fabs(nearest)) continue;
       if (truth.tied.empty()) truth.feature = f.feature;
       if (truth.tied.empty() || truth.tied.back() != f.hit.prim) truth.tied.push_back(f.hit.prim);

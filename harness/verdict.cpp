@@ -27,9 +27,13 @@
 // within that primitive's error.
 //
 // Classes of a closest hit, in the order they are tried:
+// - strict, counted as exact: what the contract asks of exact arithmetic, to the bit. t is the exact t
+// rounded
+//   to float, and of the primitives whose t round to the same the lowest id wins, be they tied exactly or
+//   not; or truth is a miss and so is the answer. A triangle in whose plane the ray lies is as right as a
+//   miss, at every t at which the ray is inside it.
 // - malformed: a non-finite t, t outside (tnear, tfar], an unknown primitive, a miss with t != tfar. Plain.
-// - exact, tie: a primitive of the tied set with t within the error; or truth is a miss and so is the answer.
-//   A triangle in whose plane the ray lies is right at every t at which the ray is inside it.
+// - exact, tie: a primitive of the tied set with t within the error.
 // - neighbour: plausible, shares a vertex (by position) with a primitive of the tied set, and t agrees with
 //   the true one within twice the sum of both errors (each plane is off at the ray).
 // - wrong: both hit, and neither of these. Not plausible: plain. Plausible and nearer than the truth: the ray
@@ -247,6 +251,10 @@ double EightUlp(double t) { return 8 * UlpOfFloat(t); }
 
 double ErrorInUlp(float answer, double truth) { return std::fabs(answer - truth) / UlpOfFloat(truth); }
 
+float AnswerableT(float t, const rb_ray& ray) {
+  return t == ray.tnear ? std::nextafterf(t, std::numeric_limits<float>::infinity()) : t;
+}
+
 Adjacency::Adjacency(const Scene& scene) : scene_(scene) {
   const size_t vertices = scene.positions.size(), triangles = scene.triangles.size();
   // Position ids: vertices sorted by bits (-0 counted as 0); equal ones share the lowest index.
@@ -326,7 +334,12 @@ bool JudgingOracle::SharesVertex(uint32_t prim, const std::vector<uint32_t>& oth
   return false;
 }
 
-bool JudgingOracle::AcceptedInPlane(const rb_ray& ray, const rb_hit& answer) const {
+bool JudgingOracle::AcceptedInPlane(const rb_ray& ray, const Truth& truth, const rb_hit& answer) const {
+  if (!truth.coplanar || answer.prim >= scene_.primitive_count() || !std::isfinite(answer.t) ||
+      !(answer.t > ray.tnear && answer.t <= ray.tfar) ||
+      (truth.hit && answer.t > truth.t + EightUlp(truth.t))) {
+    return false;
+  }
   if (const auto [kind, i] = scene_.Locate(answer.prim); kind != PrimKind::kTriangle)
     return kind == PrimKind::kPolygon && LiesInPolygon(scene_, ray, i, answer.t);
   const exact::Line line(ray);
@@ -373,10 +386,16 @@ bool JudgingOracle::Agree(const rb_ray& ray, const TrueHit& hit, const rb_hit& a
   return std::fabs(answer.t - hit.t) <= std::max(EightUlp(hit.t), 2 * (a.t_error + b.t_error));
 }
 
+bool JudgingOracle::IsStrict(const rb_ray& ray, const Truth& truth, const rb_hit& answer) const {
+  if (answer.prim == RAYBENCH_NONE) return !truth.hit && answer.t == ray.tfar;
+  return (truth.hit && answer.prim == truth.first && answer.t == truth.t_rounded) ||
+         AcceptedInPlane(ray, truth, answer);
+}
+
 Verdict JudgingOracle::Judge(const rb_ray& ray, const Truth& truth, const rb_hit& answer) const {
+  if (IsStrict(ray, truth, answer)) return Verdict::kExact;
   if (answer.prim == RAYBENCH_NONE) {
     if (!(answer.t == ray.tfar)) return truth.hit ? Verdict::kFalseMiss : Verdict::kFalseHit;
-    if (!truth.hit) return Verdict::kExact;
     const Excuse excuse = PassedBefore(ray, nullptr);
     return excuse == Excuse::kLeak    ? Verdict::kLeak
            : excuse == Excuse::kPlain ? Verdict::kFalseMiss
@@ -393,9 +412,6 @@ Verdict JudgingOracle::Judge(const rb_ray& ray, const Truth& truth, const rb_hit
   };
   if (std::binary_search(truth.tied.begin(), truth.tied.end(), answer.prim) && plausible_at(truth.t))
     return answer.prim == truth.tied.front() ? Verdict::kExact : Verdict::kTie;
-  if (truth.coplanar && !(truth.hit && answer.t > truth.t + EightUlp(truth.t)) &&
-      AcceptedInPlane(ray, answer))
-    return Verdict::kExact;
   if (!plausible_at(answer.t)) return plain;
   if (!truth.hit) return Verdict::kFalseHitMarginal;
   const bool agree = Agree(ray, {truth.tied.front(), truth.t}, answer);
@@ -446,9 +462,11 @@ VerdictCounts JudgeAll(const Oracle& oracle, uint32_t query_kind, std::span<cons
   if (truth.size() != rays.size() || (closest ? hits.size() : occluded.size()) != rays.size())
     throw InputError("verdict: rays, truth and answers differ in number");
   std::vector<Verdict> verdicts(rays.size());
+  std::vector<uint8_t> strict(rays.size());
   ParallelFor(rays.size(), threads, [&](size_t i) {
     verdicts[i] = closest ? oracle.Judge(rays[i], truth[i], hits[i])
                           : oracle.JudgeAny(rays[i], truth[i], occluded[i] != 0);
+    strict[i] = closest ? oracle.IsStrict(rays[i], truth[i], hits[i]) : verdicts[i] == Verdict::kExact;
   });
 
   VerdictCounts counts;
@@ -456,6 +474,7 @@ VerdictCounts JudgeAll(const Oracle& oracle, uint32_t query_kind, std::span<cons
   std::vector<double> errors;
   for (size_t i = 0; i < rays.size(); ++i) {
     ++counts.by_class[size_t(verdicts[i])];
+    counts.strict += strict[i];
     if (closest && truth[i].hit && verdicts[i] <= Verdict::kNeighbour)
       errors.push_back(ErrorInUlp(hits[i].t, truth[i].t));
   }
@@ -472,7 +491,7 @@ VerdictCounts JudgeAll(const Oracle& oracle, uint32_t query_kind, std::span<cons
 }
 
 bool BreaksClaim(uint32_t claim, const VerdictCounts& counts) {
-  if (claim == RB_CLAIM_EXACT) return counts[Verdict::kExact] != counts.rays;
+  if (claim == RB_CLAIM_EXACT) return counts.strict != counts.rays;
   if (claim == RB_CLAIM_WATERTIGHT) return counts.leaks() + counts.plain_errors() > 0;
   return false;
 }

@@ -44,6 +44,7 @@ class JudgingOracle : public Oracle {
  public:
   explicit JudgingOracle(const Scene& scene) : scene_(scene), adjacency_(scene) {}
 
+  bool IsStrict(const rb_ray& ray, const Truth& truth, const rb_hit& answer) const final;
   Verdict Judge(const rb_ray& ray, const Truth& truth, const rb_hit& answer) const final;
   Verdict JudgeAny(const rb_ray& ray, const Truth& truth, bool occluded) const final;
 
@@ -70,8 +71,13 @@ class JudgingOracle : public Oracle {
   /// The two t are the same within the errors.
   bool Agree(const rb_ray& ray, const TrueHit& hit, const rb_hit& answer) const;
   bool SharesVertex(uint32_t prim, const std::vector<uint32_t>& others) const;
-  bool AcceptedInPlane(const rb_ray& ray, const rb_hit& answer) const;
+  /// The answer is a primitive in whose plane the ray lies, and not behind the truth.
+  bool AcceptedInPlane(const rb_ray& ray, const Truth& truth, const rb_hit& answer) const;
 };
+
+/// What an answer may say of a hit in (tnear, tfar] whose exact t rounds to `t`: t itself, or the float after
+/// tnear where t is tnear.
+float AnswerableT(float t, const rb_ray& ray);
 
 /// 8 ulp of float at |t|, the least tolerance of any comparison of t.
 double EightUlp(double t);
