@@ -5,8 +5,8 @@ target_link_libraries(raybench_verdict PUBLIC raybench_tracer PRIVATE raybench_f
 
 if(RAYBENCH_WITH_CGAL)
   find_package(CGAL 5.5 CONFIG REQUIRED)
-  add_library(raybench_oracle STATIC oracle_cgal.cpp)
-  target_link_libraries(raybench_oracle PRIVATE raybench_verdict raybench_flags CGAL::CGAL)
+  add_library(raybench_oracle STATIC oracle_audit.cpp oracle_cgal.cpp)
+  target_link_libraries(raybench_oracle PRIVATE raybench_verdict raybench_flags CGAL::CGAL fmt::fmt)
   # With sanitizers GCC 12 suspects CGAL's own templates.
   target_compile_options(raybench_oracle PRIVATE -Wno-maybe-uninitialized)
   target_link_libraries(raybench_verdict PRIVATE raybench_oracle)

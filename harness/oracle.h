@@ -73,6 +73,12 @@ class Oracle {
   virtual Verdict Judge(const rb_ray& ray, const Truth& truth, const rb_hit& answer) const = 0;
   /// Judges an any-hit answer: occluded must equal truth.hit; else false_hit/false_miss (marginal) or leak.
   virtual Verdict JudgeAny(const rb_ray& ray, const Truth& truth, bool occluded) const = 0;
+  /// Derives the truth of `count` of these rays, chosen by `seed`, a second time by arithmetic that shares
+  /// nothing with Ask() but the search for triangles near the ray. Returns how many it was: all if they are
+  /// fewer than `count`, 0 from an oracle that has no second arithmetic. Throws std::logic_error with the
+  /// ray, its numbers in hexadecimal, where the two disagree; then no verdict may be trusted.
+  virtual uint64_t Audit(std::span<const rb_ray> rays, std::span<const Truth> truth, uint64_t seed,
+                         uint64_t count) const;
   virtual std::string Name() const = 0;  ///< "cgal 5.5.1 (epick, exact order)" or "brute force in double"
   virtual bool Exact() const = 0;
 };

@@ -20,6 +20,8 @@
 #include <CGAL/AABB_traits.h>
 #endif
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <iterator>
@@ -29,6 +31,8 @@
 #include "accel/exact.h"
 #include "accel/float_state.h"
 #include "datasets/orientation.h"
+#include "datasets/random.h"
+#include "harness/oracle_audit.h"
 #include "harness/verdict.h"
 
 namespace raybench {
@@ -174,6 +178,33 @@ class CgalOracle final : public JudgingOracle {
     std::vector<Truth> truth(rays.size());
     ParallelFor(rays.size(), threads, [&](size_t i) { truth[i] = AskOne(rays[i]); });
     return truth;
+  }
+  uint64_t Audit(std::span<const rb_ray> rays, std::span<const Truth> truth, uint64_t seed,
+                 uint64_t count) const override {
+    if (truth.size() != rays.size()) throw InputError("audit: rays and truth differ in number");
+    const FloatState ieee;
+    count = std::min<uint64_t>(count, rays.size());
+    Random random(seed);
+    uint64_t wanted = count;
+    for (size_t i = 0; wanted > 0; ++i) {
+      // Each subset is equally likely (Knuth, TAOCP 3.4.2, algorithm S).
+      if (random.Below(rays.size() - i) >= wanted) continue;
+      --wanted;
+      std::vector<uint32_t> near;
+      AnyNear(rays[i], [&](uint32_t prim) {
+        near.push_back(prim);
+        return false;
+      });
+      const std::string difference = AuditTruth(scene_, rays[i], truth[i], near);
+      if (difference.empty()) continue;
+      const rb_ray& r = rays[i];
+      throw std::logic_error(
+          fmt::format("oracle and audit disagree on ray {} of {}: {}; org {:a} {:a} {:a} dir {:a} {:a} {:a} "
+                      "tnear {:a} tfar {:a}",
+                      i, rays.size(), difference, r.org[0], r.org[1], r.org[2], r.dir[0], r.dir[1], r.dir[2],
+                      r.tnear, r.tfar));
+    }
+    return count;
   }
   std::string Name() const override { return "cgal " CGAL_VERSION_STR " (epick, exact order)"; }
   bool Exact() const override { return true; }

@@ -49,6 +49,8 @@ constexpr double kDoubleOracleBudget = 0x1p31;
 
 /// Triangles whose overlap with strange nodes is measured.
 constexpr uint64_t kOverlapSamples = 1 << 14;
+/// Rays of a set whose truth is derived a second time.
+constexpr uint64_t kAuditedRays = 64;
 
 /// Pixels across the heat maps of the report.
 constexpr uint32_t kHeatSide = 256;
@@ -254,6 +256,7 @@ class Run {
         Note(fmt::format("truth is brute force, so {} rays of a set are verified", per_set));
       }
     }
+    uint64_t audited = 0;
     for (size_t i = 0; i < sets.size(); ++i) {
       PreparedSet& s = sets[i];
       s.picks = PickSample(s.set.rays.size(), per_set, options_.seed, s.set.hash);
@@ -267,8 +270,9 @@ class Run {
         Update(0.1 + 0.1 * (double(i) + double(at) / double(s.picked.size())) / double(sets.size()),
                "asking for truth");
       }
+      audited += oracle_->Audit(s.picked, s.truth, options_.seed, kAuditedRays);
     }
-    oracles_[scene_index_] = {{"name", oracle_->Name()}, {"exact", oracle_->Exact()}};
+    oracles_[scene_index_] = {{"name", oracle_->Name()}, {"exact", oracle_->Exact()}, {"audited", audited}};
   }
 
   void RecordSets(const std::vector<PreparedSet>& sets) {

@@ -442,6 +442,10 @@ Verdict JudgingOracle::JudgeAny(const rb_ray& ray, const Truth& truth, bool occl
   return near ? Verdict::kFalseHitMarginal : Verdict::kFalseHit;
 }
 
+uint64_t Oracle::Audit(std::span<const rb_ray>, std::span<const Truth>, uint64_t, uint64_t) const {
+  return 0;
+}
+
 const char* VerdictName(Verdict verdict) {
   static constexpr const char* names[] = {
       "exact",          "tie",        "neighbour",           "leak",      "wrong",
