@@ -60,10 +60,10 @@ class JudgingOracle : public Oracle {
 
  private:
   enum class Excuse { kMarginal, kPlain, kLeak };
-  /// What it means that an answer (null: a miss) lies behind this hit.
-  Excuse Passed(const rb_ray& ray, const TrueHit& hit, const rb_hit* answer) const;
-  /// The worst of all hits in front of the answer.
-  Excuse PassedBefore(const rb_ray& ray, const rb_hit* answer) const;
+  /// What it means that nothing was answered before `end`, although this hit lies there.
+  Excuse Passed(const rb_ray& ray, const TrueHit& hit, double end) const;
+  /// The worst of all hits before `end`.
+  Excuse PassedBefore(const rb_ray& ray, double end) const;
   /// `root`: curved primitives only, see AppraiseProcedural().
   Appraisal Appraise(const rb_ray& ray, uint32_t prim, int root) const;
   /// The root nearer to t.

@@ -278,6 +278,50 @@ TEST_P(VerdictTest, RoundedToFloatTheLowestIdIsFirst) {
   EXPECT_FALSE(oracle->IsStrict(start.ray, start.truth, {0x1p20f, 0, 0, 0}));
 }
 
+/// A square at x = 1 in two triangles that meet at y == z, and behind that edge what `extra` has.
+Scene SquareAnd(std::vector<Vec3f> positions, std::vector<std::array<uint32_t, 3>> extra) {
+  std::vector<Vec3f> p = {{1, 0, 0}, {1, 1, 0}, {1, 1, 1}, {1, 0, 1}};
+  p.insert(p.end(), positions.begin(), positions.end());
+  extra.insert(extra.begin(), {{0, 1, 2}, {0, 2, 3}});
+  return MakeScene(std::move(p), std::move(extra));
+}
+
+TEST_P(VerdictTest, SteepTrianglesBehindExcuseNothing) {
+  // Triangle 2 hangs along the ray, so that its t may be anything from 1 to 20: a fin at the square's
+  // diagonal, or apart from the square. Both are plausible answers, and neither can be seen without a leak.
+  const Scene fin = SquareAnd({{20, 0.5f, 0.5f}}, {{0, 2, 4}}),
+              apart = SquareAnd({{2, 0.4f, 0.4f}, {2, 0.6f, 0.6f}, {20, 0.5f, 0.5f}}, {{4, 5, 6}});
+  for (const Scene* scene : {&fin, &apart}) {
+    const auto oracle = Make(*scene);
+    const Trial edge(*oracle, MakeRay({0, 0.5f, 0.5f}, {1, 1e-9f, 0}));
+    EXPECT_EQ(edge.truth.tied, std::vector<uint32_t>{0});
+    EXPECT_EQ(edge.Hit(1, 1), "neighbour");
+    for (double t : {1.0001, 3.0, 15.0})
+      EXPECT_EQ(edge.Hit(2, t), scene == &fin || t > 2 ? "leak" : "wrong") << t;
+  }
+  // Clear of the square's edges.
+  const Scene beside = SquareAnd({{2, 0.4f, 0.1f}, {2, 0.6f, 0.3f}, {20, 0.5f, 0.2f}}, {{4, 5, 6}});
+  const auto oracle = Make(beside);
+  EXPECT_EQ(Trial(*oracle, MakeRay({0, 0.5f, 0.2f}, {1, 1e-9f, 0})).Hit(2, 3), "wrong");
+}
+
+TEST_P(VerdictTest, TheStepBelowMayBeAnsweredAtTheEdgeOfATread) {
+  // Tread at x = 1 for y > z, riser down to x = 3, the step below for y < z.
+  const Scene stairs = MakeScene({{1, 0, 0}, {1, 1, 0}, {1, 1, 1}, {3, 0, 0}, {3, 1, 1}, {3, 0, 1}},
+                                 {{0, 1, 2}, {0, 2, 4}, {0, 4, 3}, {3, 4, 5}});
+  const auto oracle = Make(stairs);
+  const Trial edge(*oracle, MakeRay({0, 0.5f, 0.5f}, {1, 1e-9f, 0}));
+  EXPECT_EQ(edge.truth.tied, std::vector<uint32_t>{0});
+  EXPECT_EQ(edge.Hit(3, 3), "wrong_marginal");
+  EXPECT_EQ(edge.Hit(1, 1.5), "neighbour");
+  EXPECT_EQ(edge.Miss(), "leak");
+  // The same with the step out of reach.
+  rb_ray until = edge.ray;
+  until.tfar = 2;
+  EXPECT_EQ(Trial(*oracle, until).Miss(), "false_miss_marginal");
+  EXPECT_EQ(Trial(*oracle, MakeRay({0, 0.5f, 0.4f}, {1, 0, 0})).Hit(3, 3), "wrong");
+}
+
 TEST_P(VerdictTest, CountsPercentilesAndRefusesOddSizes) {
   const Scene scene = TwoSquares();
   const auto oracle = Make(scene);
