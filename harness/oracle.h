@@ -61,6 +61,9 @@ struct VerdictCounts {
   uint64_t leaks() const { return (*this)[Verdict::kLeak]; }
 };
 
+/// How many rays of a set `run` and `verify` give to Audit().
+inline constexpr uint64_t kAuditedRays = 64;
+
 class Oracle {
  public:
   virtual ~Oracle() = default;

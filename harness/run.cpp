@@ -49,8 +49,6 @@ constexpr double kDoubleOracleBudget = 0x1p31;
 
 /// Triangles whose overlap with strange nodes is measured.
 constexpr uint64_t kOverlapSamples = 1 << 14;
-/// Rays of a set whose truth is derived a second time.
-constexpr uint64_t kAuditedRays = 64;
 
 /// Pixels across the heat maps of the report.
 constexpr uint32_t kHeatSide = 256;

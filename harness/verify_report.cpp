@@ -75,7 +75,11 @@ std::string StructureLine(const VerifiedTree& tree) {
 std::string ClaimLine(const VerifiedTree& tree) {
   if (tree.claim == RB_CLAIM_NOTHING) return "claims nothing";
   if (tree.claim == RB_CLAIM_INEXACT) return "claims inexact: its errors are measured";
-  return fmt::format("claims {}: {}", ClaimName(tree.claim), tree.ClaimHolds() ? "held" : "BROKEN");
+  if (tree.ClaimHolds()) return fmt::format("claims {}: held", ClaimName(tree.claim));
+  uint64_t loose = 0;
+  for (const VerdictRow& row : tree.rows) loose += row.counts.rays - row.counts.strict;
+  return fmt::format("claims {}: BROKEN", ClaimName(tree.claim)) +
+         (tree.claim == RB_CLAIM_EXACT ? fmt::format(": {} answers are not exact to the bit", loose) : "");
 }
 
 std::string Primitives(const std::vector<uint32_t>& prims) {
@@ -113,7 +117,7 @@ double ErrorHistogram::Percentile(uint64_t percent) const {
 }
 
 void VerdictRow::Add(const VerdictCounts& more) {
-  counts.rays += more.rays;
+  counts.rays += more.rays, counts.strict += more.strict;
   for (size_t v = 0; v < size_t(Verdict::kCount); ++v) counts.by_class[v] += more.by_class[v];
 }
 
@@ -181,6 +185,8 @@ std::string FormatExample(const VerifyExample& e) {
     text += fmt::format("     truth: t = {} ({:a}), primitive{} {}, {}", e.truth.t, e.truth.t,
                         e.truth.tied.size() == 1 ? "" : "s", Primitives(e.truth.tied),
                         FeatureName(e.truth.feature));
+    if (e.query == RB_CLOSEST && e.verdict == Verdict::kExact)
+      text += fmt::format("; to the bit: primitive {} at t = {:a}", e.truth.first, e.truth.t_rounded);
   } else {
     text += "     truth: miss";
   }
