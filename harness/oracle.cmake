@@ -1,7 +1,9 @@
-# raybench_verdict: verdicts, aimed rays, the oracle in double; no CGAL.
+# raybench_verdict: verdicts, aimed rays, truth in integers, the oracle without CGAL.
 # raybench_oracle: the exact oracle. CGAL is linked privately: its target forces -frounding-math on whoever links it.
-add_library(raybench_verdict STATIC verdict.cpp margins.cpp oracle_double.cpp aimed.cpp mesh_edges.cpp)
-target_link_libraries(raybench_verdict PUBLIC raybench_tracer PRIVATE raybench_flags TBB::tbb)
+find_package(Boost CONFIG REQUIRED)  # headers: integers of any length
+add_library(raybench_verdict STATIC
+  aimed.cpp box_tree.cpp exact_truth.cpp margins.cpp mesh_edges.cpp oracle_boxes.cpp surd.cpp verdict.cpp)
+target_link_libraries(raybench_verdict PUBLIC raybench_tracer Boost::headers PRIVATE raybench_flags TBB::tbb)
 
 if(RAYBENCH_WITH_CGAL)
   find_package(CGAL 5.5 CONFIG REQUIRED)

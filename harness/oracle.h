@@ -1,7 +1,7 @@
 // Truth for a ray: exact, and independent of every structure under test.
 //
 // This header knows nothing of CGAL. The implementation over CGAL's AABB tree lives in a library of its own
-// (raybench_oracle, GPL through CGAL); a build without it has brute force in double only, and says so.
+// (raybench_oracle, GPL through CGAL); a build without it finds candidates by a tree of its own, and says so.
 #pragma once
 
 #include <cstdint>
@@ -19,9 +19,9 @@ enum class Feature : uint8_t { kInterior, kEdge, kVertex };
 /// What is exactly true of one ray over its interval (tnear, tfar].
 struct Truth {
   bool hit = false;
-  bool coplanar = false;  ///< the ray lies in the plane of a triangle it meets: hit and miss are both right
-                          ///< for it; such a triangle is never in `tied`
-  double t = 0;           ///< exact t of the nearest hit, rounded to double (Exact() oracles)
+  bool coplanar = false;  ///< the ray lies in the plane of a triangle or polygon it meets, or in a cone's
+                          ///< side: hit and miss are both right for it; such a primitive is never in `tied`
+  double t = 0;           ///< exact t of the nearest hit, rounded to double
   float t_rounded = 0;    ///< the exact t correctly rounded to float (ties to even, infinite beyond float);
                           ///< the float after tnear where that is tnear, which no answer may be
   uint32_t first = RAYBENCH_NONE;  ///< lowest id of all primitives whose t, so rounded, is t_rounded: the
@@ -77,22 +77,22 @@ class Oracle {
   /// Judges an any-hit answer: occluded must equal truth.hit; else false_hit/false_miss (marginal) or leak.
   virtual Verdict JudgeAny(const rb_ray& ray, const Truth& truth, bool occluded) const = 0;
   /// Derives the truth of `count` of these rays, chosen by `seed`, a second time by arithmetic that shares
-  /// nothing with Ask() but the search for triangles near the ray. Returns how many it was: all if they are
+  /// nothing with Ask() but the search for triangles near the ray; where there are procedural primitives,
+  /// only what is true of the triangles among them. Returns how many it was: all if they are
   /// fewer than `count`, 0 from an oracle that has no second arithmetic. Throws std::logic_error with the
   /// ray, its numbers in hexadecimal, where the two disagree; then no verdict may be trusted.
   virtual uint64_t Audit(std::span<const rb_ray> rays, std::span<const Truth> truth, uint64_t seed,
                          uint64_t count) const;
-  virtual std::string Name() const = 0;  ///< "cgal 5.5.1 (epick, exact order)" or "brute force in double"
+  virtual std::string Name() const = 0;  ///< such as "cgal 5.5.1 (epick, exact order)"
   virtual bool Exact() const = 0;
 };
 
-/// Exact oracle over CGAL's AABB tree. Null when the build has no CGAL or the scene has procedural
-/// primitives. The scene must outlive any oracle, unmoved.
+/// Exact oracle over CGAL's AABB tree for triangles, ExactTruth for procedural primitives. Null when the
+/// build has no CGAL. The scene must outlive any oracle, unmoved.
 std::unique_ptr<Oracle> MakeCgalOracle(const Scene& scene);
-/// Brute force in double over triangles and procedural primitives: O(rays x primitives).
-std::unique_ptr<Oracle> MakeDoubleOracle(const Scene& scene);
-/// The best one for the scene: CGAL for triangles, brute force in double where there are procedural
-/// primitives or no CGAL.
+/// Exact oracle by ExactTruth alone.
+std::unique_ptr<Oracle> MakeBoxOracle(const Scene& scene);
+/// The one over CGAL, or the other in a build without.
 std::unique_ptr<Oracle> MakeOracle(const Scene& scene);
 
 /// Judges all answers of a set; hits for RB_CLOSEST sets, occluded for RB_ANY. `verdicts`, if not null,

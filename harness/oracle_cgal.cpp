@@ -172,18 +172,18 @@ class TriangleTree {
 
 class CgalOracle final : public JudgingOracle {
  public:
-  explicit CgalOracle(const Scene& scene) : JudgingOracle(scene), tree_(scene) {}
+  explicit CgalOracle(const Scene& scene)
+      : JudgingOracle(scene, uint32_t(scene.triangles.size())), tree_(scene) {}
 
-  std::vector<Truth> Ask(std::span<const rb_ray> rays, uint32_t threads) const override {
-    std::vector<Truth> truth(rays.size());
-    ParallelFor(rays.size(), threads, [&](size_t i) { truth[i] = AskOne(rays[i]); });
-    return truth;
+  std::string Name() const override {
+    return "cgal " CGAL_VERSION_STR " (epick, exact order)" +
+           std::string(scene_.procedural_count() > 0 ? "; procedural primitives in integers" : "");
   }
   uint64_t Audit(std::span<const rb_ray> rays, std::span<const Truth> truth, uint64_t seed,
                  uint64_t count) const override {
     if (truth.size() != rays.size()) throw InputError("audit: rays and truth differ in number");
     const FloatState ieee;
-    count = std::min<uint64_t>(count, rays.size());
+    count = scene_.triangles.empty() ? 0 : std::min<uint64_t>(count, rays.size());
     Random random(seed);
     uint64_t wanted = count;
     for (size_t i = 0; wanted > 0; ++i) {
@@ -191,11 +191,12 @@ class CgalOracle final : public JudgingOracle {
       if (random.Below(rays.size() - i) >= wanted) continue;
       --wanted;
       std::vector<uint32_t> near;
-      AnyNear(rays[i], [&](uint32_t prim) {
+      AnyTriangleNear(rays[i], [&](uint32_t prim) {
         near.push_back(prim);
         return false;
       });
-      const std::string difference = AuditTruth(scene_, rays[i], truth[i], near);
+      const std::string difference =
+          AuditTruth(scene_, rays[i], scene_.procedural_count() > 0 ? AskTriangles(rays[i]) : truth[i], near);
       if (difference.empty()) continue;
       const rb_ray& r = rays[i];
       throw std::logic_error(
@@ -206,11 +207,9 @@ class CgalOracle final : public JudgingOracle {
     }
     return count;
   }
-  std::string Name() const override { return "cgal " CGAL_VERSION_STR " (epick, exact order)"; }
-  bool Exact() const override { return true; }
 
  protected:
-  std::vector<TrueHit> AllHits(const rb_ray& ray) const override {
+  std::vector<TrueHit> TriangleHits(const rb_ray& ray) const override {
     bool coplanar;
     std::vector<TrueHit> hits;
     for (const Crossing& c : Crossings(ray, coplanar)) {
@@ -219,7 +218,7 @@ class CgalOracle final : public JudgingOracle {
     }
     return hits;
   }
-  bool AnyNear(const rb_ray& ray, const std::function<bool(uint32_t)>& accept) const override {
+  bool AnyTriangleNear(const rb_ray& ray, const std::function<bool(uint32_t)>& accept) const override {
     return tree_.AnyNear({ToDouble(LoadVec3(ray.org)), ToDouble(LoadVec3(ray.dir))}, accept);
   }
 
@@ -297,7 +296,7 @@ class CgalOracle final : public JudgingOracle {
     return crossings;
   }
 
-  Truth AskOne(const rb_ray& ray) const {
+  Truth AskTriangles(const rb_ray& ray) const override {
     Truth truth;
     std::vector<Crossing> crossings = Crossings(ray, truth.coplanar);
     if (crossings.empty()) return truth;
@@ -342,9 +341,6 @@ class CgalOracle final : public JudgingOracle {
 
 }  // namespace
 
-std::unique_ptr<Oracle> MakeCgalOracle(const Scene& scene) {
-  if (scene.procedural_count() > 0) return nullptr;
-  return std::make_unique<CgalOracle>(scene);
-}
+std::unique_ptr<Oracle> MakeCgalOracle(const Scene& scene) { return std::make_unique<CgalOracle>(scene); }
 
 }  // namespace raybench

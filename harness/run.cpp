@@ -44,8 +44,6 @@ constexpr double kLongPassSeconds = 0.25;
 /// What is linear (RB_LINEAR) is left out where one pass would look at more primitives than this, about half
 /// a second; in a quick run a quarter of it.
 constexpr double kLinearBudget = 0x1p25;
-/// The same for truth by brute force, over all sets of a scene.
-constexpr double kDoubleOracleBudget = 0x1p31;
 
 /// Triangles whose overlap with strange nodes is measured.
 constexpr uint64_t kOverlapSamples = 1 << 14;
@@ -245,19 +243,10 @@ class Run {
   void Ask(std::vector<PreparedSet>& sets) {
     Update(0.08, "preparing truth");
     oracle_ = MakeOracle(scene());
-    uint64_t per_set = options_.RaysVerified();
-    if (!oracle_->Exact() && options_.verify_rays == 0) {
-      const double affordable = kDoubleOracleBudget / double(scene().primitive_count()) / double(sets.size());
-      const uint64_t cut = std::max<uint64_t>(256, uint64_t(affordable));
-      if (cut < per_set) {
-        per_set = cut;
-        Note(fmt::format("truth is brute force, so {} rays of a set are verified", per_set));
-      }
-    }
     uint64_t audited = 0;
     for (size_t i = 0; i < sets.size(); ++i) {
       PreparedSet& s = sets[i];
-      s.picks = PickSample(s.set.rays.size(), per_set, options_.seed, s.set.hash);
+      s.picks = PickSample(s.set.rays.size(), options_.RaysVerified(), options_.seed, s.set.hash);
       for (uint32_t pick : s.picks) s.picked.push_back(s.set.rays[pick]);
       constexpr size_t kChunk = 1024;
       for (size_t at = 0; at < s.picked.size(); at += kChunk) {

@@ -322,6 +322,21 @@ Adjacency::Corners Adjacency::CornersOf(uint32_t triangle) const {
   return {position_[v[0]], position_[v[1]], position_[v[2]]};
 }
 
+std::vector<Truth> JudgingOracle::Ask(std::span<const rb_ray> rays, uint32_t threads) const {
+  std::vector<Truth> truth(rays.size());
+  ParallelFor(rays.size(), threads, [&](size_t i) {
+    truth[i] = AskTriangles(rays[i]);
+    others_.Join(rays[i], truth[i]);
+  });
+  return truth;
+}
+
+std::vector<TrueHit> JudgingOracle::AllHits(const rb_ray& ray) const {
+  std::vector<TrueHit> hits = TriangleHits(ray);
+  for (const ExactTruth::Meeting& m : others_.All(ray)) hits.push_back({m.prim, m.t.v});
+  return hits;
+}
+
 Appraisal JudgingOracle::Appraise(const rb_ray& ray, uint32_t prim, int root) const {
   if (prim >= scene_.triangles.size()) return AppraiseProcedural(scene_, ray, prim, root);
   return Sheared(ray, Points(scene_, prim)).Appraise();
@@ -437,14 +452,16 @@ Verdict JudgingOracle::JudgeAny(const rb_ray& ray, const Truth& truth, bool occl
            : excuse == Excuse::kPlain ? Verdict::kFalseMiss
                                       : Verdict::kFalseMissMarginal;
   }
-  const bool near = ray.tnear < ray.tfar && AnyNear(ray, [&](uint32_t prim) {
-                      for (int root = 0; root < RootCount(scene_, prim); ++root) {
-                        const Appraisal a = Appraise(ray, prim, root);
-                        const double error = std::max(EightUlp(a.t), a.t_error);
-                        if (a.possible && a.t + error > ray.tnear && a.t - error <= ray.tfar) return true;
-                      }
-                      return false;
-                    });
+  const auto may_be_met = [&](uint32_t prim) {
+    for (int root = 0; root < RootCount(scene_, prim); ++root) {
+      const Appraisal a = Appraise(ray, prim, root);
+      const double error = std::max(EightUlp(a.t), a.t_error);
+      if (a.possible && a.t + error > ray.tnear && a.t - error <= ray.tfar) return true;
+    }
+    return false;
+  };
+  const bool near =
+      ray.tnear < ray.tfar && (AnyTriangleNear(ray, may_be_met) || others_.AnyNear(ray, may_be_met));
   return near ? Verdict::kFalseHitMarginal : Verdict::kFalseHit;
 }
 
@@ -519,9 +536,8 @@ void ParallelFor(size_t count, uint32_t threads, const std::function<void(size_t
 }
 
 std::unique_ptr<Oracle> MakeOracle(const Scene& scene) {
-  if (scene.procedural_count() == 0)
-    if (auto oracle = MakeCgalOracle(scene)) return oracle;
-  return MakeDoubleOracle(scene);
+  if (auto oracle = MakeCgalOracle(scene)) return oracle;
+  return MakeBoxOracle(scene);
 }
 
 #ifndef RAYBENCH_HAS_CGAL

@@ -21,10 +21,10 @@ class VerdictTest : public ::testing::TestWithParam<const char*> {
       GTEST_SKIP() << "built without CGAL";
   }
   std::unique_ptr<Oracle> Make(const Scene& scene) const {
-    return std::string(GetParam()) == "cgal" ? MakeCgalOracle(scene) : MakeDoubleOracle(scene);
+    return std::string(GetParam()) == "cgal" ? MakeCgalOracle(scene) : MakeBoxOracle(scene);
   }
 };
-INSTANTIATE_TEST_SUITE_P(Oracles, VerdictTest, ::testing::Values("cgal", "double"),
+INSTANTIATE_TEST_SUITE_P(Oracles, VerdictTest, ::testing::Values("cgal", "boxes"),
                          [](const auto& info) { return std::string(info.param); });
 
 /// One ray and its truth, to be tried with answers.
