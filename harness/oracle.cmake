@@ -1,5 +1,16 @@
 # raybench_verdict: verdicts, aimed rays, truth in integers, the oracle without CGAL.
 # raybench_oracle: the exact oracle. CGAL is linked privately: its target forces -frounding-math on whoever links it.
+# Truth on disk is good for these sources only.
+file(GLOB truth_sources CONFIGURE_DEPENDS approx.h box_tree.* exact_truth.* oracle* surd.* verdict.*)
+list(APPEND truth_sources ${PROJECT_SOURCE_DIR}/accel/exact.h)
+set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${truth_sources})
+set(RAYBENCH_TRUTH_SOURCES "")
+foreach(source ${truth_sources})
+  file(SHA256 ${source} hash)
+  string(APPEND RAYBENCH_TRUTH_SOURCES ${hash})
+endforeach()
+string(SHA256 RAYBENCH_TRUTH_SOURCES "${RAYBENCH_TRUTH_SOURCES}")
+
 find_package(Boost CONFIG REQUIRED)  # headers: integers of any length
 add_library(raybench_verdict STATIC
   aimed.cpp box_tree.cpp exact_truth.cpp margins.cpp mesh_edges.cpp oracle_boxes.cpp surd.cpp verdict.cpp)

@@ -30,6 +30,7 @@
 #include "harness/run_facts.h"
 #include "harness/statistics.h"
 #include "harness/table.h"
+#include "harness/truth_cache.h"
 #include "tracer/image_io.h"
 #include "tracer/tracer.h"
 
@@ -248,15 +249,12 @@ class Run {
       PreparedSet& s = sets[i];
       s.picks = PickSample(s.set.rays.size(), options_.RaysVerified(), options_.seed, s.set.hash);
       for (uint32_t pick : s.picks) s.picked.push_back(s.set.rays[pick]);
-      constexpr size_t kChunk = 1024;
-      for (size_t at = 0; at < s.picked.size(); at += kChunk) {
+      const auto progress = [&](double fraction) {
         ThrowIfInterrupted();
-        const size_t n = std::min(kChunk, s.picked.size() - at);
-        std::vector<Truth> truth = oracle_->Ask(std::span(s.picked).subspan(at, n), 0);
-        std::move(truth.begin(), truth.end(), std::back_inserter(s.truth));
-        Update(0.1 + 0.1 * (double(i) + double(at) / double(s.picked.size())) / double(sets.size()),
-               "asking for truth");
-      }
+        Update(0.1 + 0.1 * (double(i) + fraction) / double(sets.size()), "asking for truth");
+      };
+      s.truth = CachedTruth(*oracle_, scene(), s.picked,
+                            {progress, [&](const std::string& line) { progress_.Say(line); }});
       audited += oracle_->Audit(s.picked, s.truth, options_.seed, kAuditedRays);
     }
     oracles_[scene_index_] = {{"name", oracle_->Name()}, {"exact", oracle_->Exact()}, {"audited", audited}};

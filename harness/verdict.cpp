@@ -370,8 +370,7 @@ bool JudgingOracle::AcceptedInPlane(const rb_ray& ray, const Truth& truth, const
       (truth.hit && answer.t > truth.t + EightUlp(truth.t))) {
     return false;
   }
-  if (const auto [kind, i] = scene_.Locate(answer.prim); kind != PrimKind::kTriangle)
-    return kind == PrimKind::kPolygon && LiesInPolygon(scene_, ray, i, answer.t);
+  if (answer.prim >= scene_.triangles.size()) return LiesInSurface(scene_, ray, answer.prim, answer.t);
   const exact::Line line(ray);
   const exact::Corners p = Points(scene_, answer.prim);
   const double slack = EightUlp(answer.t);
