@@ -450,7 +450,7 @@ TEST_F(OracleTruth, AuditFindsWhatIsFalse) {
   shifted.tnear = truth[i].t_rounded * 2;
   EXPECT_THROW(oracle->Audit(std::span(&shifted, 1), std::span(&truth[i], 1), 1, 1), std::logic_error);
   EXPECT_THROW(oracle->Audit(rays, std::span(truth).first(5), 1, 1), InputError);
-  EXPECT_EQ(MakeDoubleOracle(scene)->Audit(rays, truth, 1, 64), 0u);
+  EXPECT_EQ(MakeBoxOracle(scene)->Audit(rays, truth, 1, 64), 0u);
 }
 
 TEST_F(OracleTruth, DoesNotDependOnThreads) {
