@@ -253,7 +253,7 @@ class Run {
         ThrowIfInterrupted();
         Update(0.1 + 0.1 * (double(i) + fraction) / double(sets.size()), "asking for truth");
       };
-      s.truth = CachedTruth(*oracle_, scene(), s.picked,
+      s.truth = CachedTruth(*oracle_, scene(), s.picked, 0,
                             {progress, [&](const std::string& line) { progress_.Say(line); }});
       audited += oracle_->Audit(s.picked, s.truth, options_.seed, kAuditedRays);
     }

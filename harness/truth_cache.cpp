@@ -192,12 +192,13 @@ void Write(const fs::path& path, const std::string& identity, std::span<const Tr
   }
 }
 
-std::vector<Truth> Ask(const Oracle& oracle, std::span<const rb_ray> rays, const TruthListener& listener) {
+std::vector<Truth> Ask(const Oracle& oracle, std::span<const rb_ray> rays, uint32_t threads,
+                       const TruthListener& listener) {
   std::vector<Truth> truth;
   truth.reserve(rays.size());
   for (size_t at = 0; at < rays.size(); at += kChunk) {
     if (listener.progress) listener.progress(double(at) / double(rays.size()));
-    std::vector<Truth> part = oracle.Ask(rays.subspan(at, std::min(kChunk, rays.size() - at)), 0);
+    std::vector<Truth> part = oracle.Ask(rays.subspan(at, std::min(kChunk, rays.size() - at)), threads);
     std::move(part.begin(), part.end(), std::back_inserter(truth));
   }
   return truth;
@@ -206,9 +207,9 @@ std::vector<Truth> Ask(const Oracle& oracle, std::span<const rb_ray> rays, const
 }  // namespace
 
 std::vector<Truth> CachedTruth(const Oracle& oracle, const Scene& scene, std::span<const rb_ray> rays,
-                               const TruthListener& listener) {
+                               uint32_t threads, const TruthListener& listener) {
   const std::optional<fs::path> folder = Folder(listener);
-  if (!folder) return Ask(oracle, rays, listener);
+  if (!folder) return Ask(oracle, rays, threads, listener);
   const std::string identity = Identity(oracle, scene, rays);
   const fs::path path = *folder / HashOf(identity);
   if (auto truth = Read(path, identity, rays.size(), listener)) {
@@ -216,7 +217,7 @@ std::vector<Truth> CachedTruth(const Oracle& oracle, const Scene& scene, std::sp
     fs::last_write_time(path, fs::file_time_type::clock::now(), ignored);
     return *std::move(truth);
   }
-  std::vector<Truth> truth = Ask(oracle, rays, listener);
+  std::vector<Truth> truth = Ask(oracle, rays, threads, listener);
   Write(path, identity, truth, listener);
   return truth;
 }

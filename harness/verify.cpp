@@ -20,6 +20,7 @@
 #include "harness/ray_aim.h"
 #include "harness/ray_sets.h"
 #include "harness/run_facts.h"
+#include "harness/truth_cache.h"
 #include "harness/verify_report.h"
 #include "tracer/ray_file.h"
 #include "tracer/tracer.h"
@@ -34,8 +35,6 @@ constexpr uint64_t kChunk = 1 << 15;
 constexpr uint64_t kAnyStride = 4;
 /// Ray-primitive tests of a set that `brute` is given where nobody named it, a fraction of a second.
 constexpr double kBruteBudget = 0x1p27;
-/// The same for truth by brute force, over all sets.
-constexpr double kInexactOracleBudget = 0x1p31;
 
 /// Part of a ray set with its truth.
 struct Chunk {
@@ -149,7 +148,7 @@ class Verification {
     const std::vector<Source> sources = SharedSources();
     const uint64_t planes =
         std::count_if(planes_.begin(), planes_.end(), [](const AimedSet& set) { return set.absent.empty(); });
-    const uint64_t rays = RaysPerSet(sources.size() + planes);
+    const uint64_t rays = RaysPerSet();
     done_ = 0, work_ = double(planes) * double(rays);
     for (const Source& source : sources) work_ += double(source.count);
     for (Source source : sources) {
@@ -235,17 +234,10 @@ class Verification {
     return sources;
   }
 
-  /// As asked for; by default fewer where truth costs too much, and `brute` gets a part.
-  uint64_t RaysPerSet(uint64_t sets) {
-    uint64_t rays = options_.RaysPerSet();
+  /// As asked for; `brute` gets a part by default.
+  uint64_t RaysPerSet() {
+    const uint64_t rays = options_.RaysPerSet();
     const double primitives = double(scene().primitive_count());
-    if (!oracle_->Exact() && options_.rays == 0) {
-      const double affordable = kInexactOracleBudget / primitives / double(std::max<uint64_t>(1, sets));
-      if (affordable < double(rays)) {
-        rays = std::max<uint64_t>(256, uint64_t(affordable));
-        absent_.push_back(fmt::format("truth is brute force, so a set has {} rays", rays));
-      }
-    }
     for (Entrant& entrant : entrants_) {
       if (std::string_view(entrant.result.contestant.structure->name) != "brute" || !entrant.tree) continue;
       if (!options_.structures.empty()) continue;
@@ -273,7 +265,9 @@ class Verification {
       chunk.first = first;
       chunk.rays.rays.resize(std::min(kChunk, source.count - first));
       source.fill(first, chunk.rays.rays, options_.threads);
-      chunk.truth = oracle_->Ask(chunk.rays.rays, options_.threads);
+      chunk.truth = CachedTruth(
+          *oracle_, scene(), chunk.rays.rays, options_.threads,
+          {[](double) { ThrowIfInterrupted(); }, [&](const std::string& line) { progress_.Say(line); }});
       if (first == 0) audited_ += oracle_->Audit(chunk.rays.rays, chunk.truth, options_.seed, kAuditedRays);
       for (Entrant* entrant : entrants) {
         ThrowIfInterrupted();

@@ -60,7 +60,7 @@ class HarnessTruthCache : public HarnessCommand {
   /// Asks and compares; returns how many rays the oracle was asked about.
   uint64_t Ask() {
     oracle_->asked = 0, said_.clear();
-    const auto truth = CachedTruth(*oracle_, scene_, rays_,
+    const auto truth = CachedTruth(*oracle_, scene_, rays_, 1,
                                    {[](double) {}, [&](const std::string& line) { said_.push_back(line); }});
     EXPECT_EQ(truth.size(), expected_.size());
     for (size_t i = 0; i < truth.size(); ++i) {
