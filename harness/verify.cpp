@@ -33,8 +33,9 @@ namespace {
 constexpr uint64_t kChunk = 1 << 15;
 /// Any-hit queries are asked of every fourth ray.
 constexpr uint64_t kAnyStride = 4;
-/// Ray-primitive tests of a set that `brute` is given where nobody named it, a fraction of a second.
-constexpr double kBruteBudget = 0x1p27;
+/// Primitives that a linear structure (RB_LINEAR) which nobody named looks at for a set, a fraction of a
+/// second.
+constexpr double kLinearBudget = 0x1p27;
 
 /// Part of a ray set with its truth.
 struct Chunk {
@@ -234,18 +235,19 @@ class Verification {
     return sources;
   }
 
-  /// As asked for; `brute` gets a part by default.
+  /// As asked for; what is linear gets a part by default.
   uint64_t RaysPerSet() {
     const uint64_t rays = options_.RaysPerSet();
     const double primitives = double(scene().primitive_count());
     for (Entrant& entrant : entrants_) {
-      if (std::string_view(entrant.result.contestant.structure->name) != "brute" || !entrant.tree) continue;
+      if ((entrant.result.contestant.structure->capabilities & RB_LINEAR) == 0 || !entrant.tree) continue;
       if (!options_.structures.empty()) continue;
-      entrant.stride = uint64_t(std::max(1.0, std::ceil(double(rays) * primitives / kBruteBudget)));
+      entrant.stride = uint64_t(std::max(1.0, std::ceil(double(rays) * primitives / kLinearBudget)));
       if (entrant.stride > 1)
-        entrant.result.notes.push_back(fmt::format(
-            "gets one ray of {}, since it takes each to every primitive; named by --structures it gets all",
-            entrant.stride));
+        entrant.result.notes.push_back(
+            fmt::format("gets one ray of {}, since it takes each to every primitive; when named by "
+                        "--structures it gets all",
+                        entrant.stride));
     }
     return rays;
   }

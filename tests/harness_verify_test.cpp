@@ -170,7 +170,7 @@ TEST_F(HarnessVerify, MalformedAnswersBreakTheContractWhateverIsClaimed) {
       HasSubstr("contract BROKEN: ray 99 hits primitive 327 of 320 (of those from 0 on, of set aimed_edge)"));
 }
 
-TEST_F(HarnessVerify, TheDefaultIsEveryStructureAtEachNumericsAndBruteGetsAPart) {
+TEST_F(HarnessVerify, TheDefaultIsEveryStructureAtEachNumericsAndLinearOnesGetAPart) {
   const Outcome outcome = Verify({"icosphere(level=5)", "--sets", "random,planes", "--rays", "8K", "--any",
                                   "--examples", "0", "--out", In("out")});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
@@ -183,7 +183,7 @@ TEST_F(HarnessVerify, TheDefaultIsEveryStructureAtEachNumericsAndBruteGetsAPart)
   for (const Row& row : ReadCsv(folder_ / "out" / "verdicts.csv")) {
     seen.insert(row.at("spec"));
     const uint64_t rays = Number(row, "rays");
-    if (row.at("structure") == "brute") {
+    if (registry.Find(row.at("structure")).capabilities & RB_LINEAR) {
       EXPECT_EQ(rays, 4096u);
     } else {
       EXPECT_EQ(rays, 8192u);
