@@ -323,9 +323,10 @@ class Verification {
   void Report() {
     progress_.Clear();
     const ReplayContext context{scene_name(), options_.seed, options_.plugins, options_.drop_bad};
-    std::string text = fmt::format("{}: {} triangles, {} procedural primitives; truth: {}; seed {}\n",
-                                   scene_name(), scene().triangles.size(), scene().procedural_count(),
-                                   oracle_ ? oracle_->Name() : "none", options_.seed);
+    std::string text =
+        fmt::format("{}: {} triangles, {} procedural primitives; truth: {}; seed {}; {} rays audited\n",
+                    scene_name(), scene().triangles.size(), scene().procedural_count(),
+                    oracle_ ? oracle_->Name() : "none", options_.seed, audited_);
     if (scene().scale_exponent != 0)
       text += fmt::format("  coordinates below are those of the file times 2^{}\n", scene().scale_exponent);
     for (const std::string& note : absent_) text += fmt::format("  {}\n", note);

@@ -75,11 +75,14 @@ std::string StructureLine(const VerifiedTree& tree) {
 std::string ClaimLine(const VerifiedTree& tree) {
   if (tree.claim == RB_CLAIM_NOTHING) return "claims nothing";
   if (tree.claim == RB_CLAIM_INEXACT) return "claims inexact: its errors are measured";
-  if (tree.ClaimHolds()) return fmt::format("claims {}: held", ClaimName(tree.claim));
-  uint64_t loose = 0;
-  for (const VerdictRow& row : tree.rows) loose += row.counts.rays - row.counts.strict;
-  return fmt::format("claims {}: BROKEN", ClaimName(tree.claim)) +
-         (tree.claim == RB_CLAIM_EXACT ? fmt::format(": {} answers are not exact to the bit", loose) : "");
+  std::string line =
+      fmt::format("claims {}: {}", ClaimName(tree.claim), tree.ClaimHolds() ? "held" : "BROKEN");
+  if (tree.claim == RB_CLAIM_EXACT) {
+    uint64_t rays = 0, strict = 0;
+    for (const VerdictRow& row : tree.rows) rays += row.counts.rays, strict += row.counts.strict;
+    line += fmt::format(", {} of {} answers are exact to the bit", strict, rays);
+  }
+  return line;
 }
 
 std::string Primitives(const std::vector<uint32_t>& prims) {
@@ -199,7 +202,7 @@ std::vector<std::string> VerdictColumns() {
                                       "params",  "claim",      "held",       "oracle",    "seed",
                                       "ray_set", "query",      "rays"};
   for (size_t v = 0; v < size_t(Verdict::kCount); ++v) columns.push_back(VerdictName(Verdict(v)));
-  for (const char* c : {"t_error_p50", "t_error_p99", "t_error_max", "leak_upper", "plain_upper"})
+  for (const char* c : {"strict", "t_error_p50", "t_error_p99", "t_error_max", "leak_upper", "plain_upper"})
     columns.push_back(c);
   return columns;
 }
@@ -217,6 +220,7 @@ std::vector<Json> VerdictRows(const VerifiedTree& tree) {
                    {"query", row.query == RB_ANY ? "any" : "closest"},
                    {"rays", c.rays}};
     for (size_t v = 0; v < size_t(Verdict::kCount); ++v) values[VerdictName(Verdict(v))] = c.by_class[v];
+    values["strict"] = c.strict;
     if (row.t_errors.count() > 0) {
       values["t_error_p50"] = row.t_errors.Percentile(50);
       values["t_error_p99"] = row.t_errors.Percentile(99);

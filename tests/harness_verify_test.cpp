@@ -83,6 +83,24 @@ TEST_F(HarnessVerify, WatertightHoldsOnEverySetAndFastDoesNot) {
   EXPECT_NE(Read(folder_ / "other" / "examples.json"), Read(folder_ / "out" / "examples.json"));
 }
 
+TEST_F(HarnessVerify, WhatClaimsExactIsHeldToTheBit) {
+  const Outcome outcome = Verify({kBall, "--rays", "256", "--any", "--structures",
+                                  "bvh_sah(numerics=exact),bvh_sah", "--out", In("out")});
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.out;
+  const size_t answers = 2 * 256 * AimedSetNames().size();
+  EXPECT_THAT(outcome.out,
+              HasSubstr(fmt::format("bvh_sah(numerics=exact) claims exact: held, {0} of {0} answers are "
+                                    "exact to the bit\n",
+                                    answers)));
+  uint64_t loose = 0;
+  for (const Row& row : ReadCsv(folder_ / "out" / "verdicts.csv")) {
+    if (row.at("spec") == "bvh_sah") loose += Number(row, "rays") - Number(row, "strict");
+  }
+  EXPECT_GT(loose, 100u);  // watertight is not
+  EXPECT_GT(nlohmann::json::parse(Read(folder_ / "out" / "verify.json")).at("scenes").at(0).at("audited"),
+            100);
+}
+
 TEST_F(HarnessVerify, ExamplesReplayToTheSameVerdicts) {
   const std::string spec = "bvh_sah(numerics=fast)";
   ASSERT_EQ(Verify({kBall, "--rays", "1024", "--structures", spec, "--examples", "12", "--out", In("out")})
