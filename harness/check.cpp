@@ -26,6 +26,14 @@ std::string Difference(const RaySet& set, const Answers& a, const Answers& b) {
 std::string BrokenClaim(uint32_t claim, const VerdictCounts& counts) {
   std::string text = fmt::format("claims {}, but of {} rays", ClaimName(claim), counts.rays);
   const char* separator = " ";
+  if (claim == RB_CLAIM_EXACT) {
+    text += fmt::format(" {} are not answered exactly to the bit", counts.rays - counts.strict);
+    separator = ": ";
+    if (const uint64_t close = counts[Verdict::kExact] - counts.strict; close > 0) {
+      text += fmt::format("{}{} exact within the error", separator, close);
+      separator = ", ";
+    }
+  }
   for (size_t v = size_t(Verdict::kExact) + 1; v < size_t(Verdict::kCount); ++v) {
     if (counts.by_class[v] == 0) continue;
     const bool allowed = Verdict(v) == Verdict::kTie || Verdict(v) == Verdict::kNeighbour ||

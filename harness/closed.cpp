@@ -390,7 +390,7 @@ int RunClosed(const Registry& registry, const VerifyOptions& options) {
   std::vector<Contestant> contestants = VerifyContestants(registry, options.structures);
   if (options.structures.empty())
     std::erase_if(contestants,
-                  [](const Contestant& c) { return std::string_view(c.structure->name) == "brute"; });
+                  [](const Contestant& c) { return (c.structure->capabilities & RB_LINEAR) != 0; });
   std::optional<Ledger> ledger;
   if (!options.ledger.empty()) ledger.emplace(options.ledger);
   int code = 0;

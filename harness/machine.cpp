@@ -168,7 +168,7 @@ std::string VersionText() {
   text += HasCgalOracle() ? "The exact oracle over CGAL is built in. Its AABB tree is GPL-3.0-or-later, so "
                             "this binary may be "
                             "passed on under those terms only."
-                          : "Without CGAL: truth is brute force in double.";
+                          : "Without CGAL: candidates for truth come from a tree of boxes.";
   return text;
 }
 

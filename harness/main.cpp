@@ -26,6 +26,8 @@ Examples:
   raybench fetch engine                 get a real model
   raybench extremes --quick             where answers begin to fail: far away, slivers, copies, ...
   raybench report results/mine          draw the plots
+Truth is kept beside fetched models, in RAYBENCH_CACHE or else ~/.cache/raybench, for the next run;
+RAYBENCH_TRUTH_CACHE=off asks anew.
 Exit codes: 0 fine; 1 a claim was broken; 2 wrong input; 3 inconclusive; 130 interrupted.)help";
 
 int Main(std::vector<std::string> arguments) {

@@ -66,6 +66,15 @@ class ConeChord {
   /// How far beyond a rim the ray is at t; negative: between them.
   double Beyond(double t) const { return std::fabs(h0_ + t * h1_) - 0.5 * height_; }
   double ClimbRate() const { return std::fabs(h1_); }
+  /// The ray is in the surface from rim to rim, and t (counted from the origin) between them.
+  bool HoldsRayAt(double t) const {
+    const auto gap = [&](double at) {
+      return std::fabs(Length(q_ + d_ * at) - (mean_ + slope_ * (h0_ + at * h1_)));
+    };
+    const double to_base = (-0.5 * height_ - h0_) / h1_, to_apex = (0.5 * height_ - h0_) / h1_;
+    const double slack = shift * 0x1p-4;
+    return gap(to_base) <= slack && gap(to_apex) <= slack && Beyond(t - start) <= shift;
+  }
 
   double start = 0, length = 0, shift = 0;
 
@@ -177,6 +186,18 @@ Appraisal AppraisePolygon(const Scene& scene, const rb_ray& ray, uint32_t index)
   return result;
 }
 
+bool LiesInPolygon(const Scene& scene, const rb_ray& ray, uint32_t polygon, double t) {
+  const PolygonPlane& plane = scene.PlaneOfPolygon(polygon);
+  const Vec3d d = ToDouble(LoadVec3(ray.dir)), f = plane.center - ToDouble(LoadVec3(ray.org));
+  const double length = Length(plane.normal);
+  if (std::fabs(Dot(plane.normal, d)) > 1e-8 * length * Length(d) ||
+      std::fabs(Dot(plane.normal, f)) > 1e-8 * length * Length(f))
+    return false;
+  const auto [lo, hi] = Inside(ray, plane.bounds);
+  const double slack = 0x1p-18 * std::fabs(t);
+  return t >= lo - slack && t <= hi + slack;
+}
+
 }  // namespace
 
 Appraisal AppraiseProcedural(const Scene& scene, const rb_ray& ray, uint32_t prim, int root) {
@@ -191,16 +212,10 @@ int RootCount(const Scene& scene, uint32_t prim) {
   return kind == PrimKind::kSphere || kind == PrimKind::kCone ? 2 : 1;
 }
 
-bool LiesInPolygon(const Scene& scene, const rb_ray& ray, uint32_t polygon, double t) {
-  const PolygonPlane& plane = scene.PlaneOfPolygon(polygon);
-  const Vec3d d = ToDouble(LoadVec3(ray.dir)), f = plane.center - ToDouble(LoadVec3(ray.org));
-  const double length = Length(plane.normal);
-  if (std::fabs(Dot(plane.normal, d)) > 1e-8 * length * Length(d) ||
-      std::fabs(Dot(plane.normal, f)) > 1e-8 * length * Length(f))
-    return false;
-  const auto [lo, hi] = Inside(ray, plane.bounds);
-  const double slack = 0x1p-18 * std::fabs(t);
-  return t >= lo - slack && t <= hi + slack;
+bool LiesInSurface(const Scene& scene, const rb_ray& ray, uint32_t prim, double t) {
+  const auto [kind, i] = scene.Locate(prim);
+  if (kind == PrimKind::kPolygon) return LiesInPolygon(scene, ray, i, t);
+  return kind == PrimKind::kCone && ConeChord(scene.cones[i], ray).HoldsRayAt(t);
 }
 
 }  // namespace raybench

@@ -21,8 +21,8 @@ Appraisal AppraiseProcedural(const Scene& scene, const rb_ray& ray, uint32_t pri
 /// How many values `root` has for a primitive.
 int RootCount(const Scene& scene, uint32_t prim);
 
-/// True if the ray lies in the polygon's plane, up to rounding, and t within its bounds: then the polygon is
-/// as right an answer as a miss.
-bool LiesInPolygon(const Scene& scene, const rb_ray& ray, uint32_t polygon, double t);
+/// True if the ray lies in the polygon's plane or the cone's side, up to rounding, and t within its bounds:
+/// then the primitive is as right an answer as a miss.
+bool LiesInSurface(const Scene& scene, const rb_ray& ray, uint32_t prim, double t);
 
 }  // namespace raybench

@@ -20,6 +20,8 @@
 #include <CGAL/AABB_traits.h>
 #endif
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <iterator>
@@ -29,6 +31,8 @@
 #include "accel/exact.h"
 #include "accel/float_state.h"
 #include "datasets/orientation.h"
+#include "datasets/random.h"
+#include "harness/oracle_audit.h"
 #include "harness/verdict.h"
 
 namespace raybench {
@@ -168,18 +172,44 @@ class TriangleTree {
 
 class CgalOracle final : public JudgingOracle {
  public:
-  explicit CgalOracle(const Scene& scene) : JudgingOracle(scene), tree_(scene) {}
+  explicit CgalOracle(const Scene& scene)
+      : JudgingOracle(scene, uint32_t(scene.triangles.size())), tree_(scene) {}
 
-  std::vector<Truth> Ask(std::span<const rb_ray> rays, uint32_t threads) const override {
-    std::vector<Truth> truth(rays.size());
-    ParallelFor(rays.size(), threads, [&](size_t i) { truth[i] = AskOne(rays[i]); });
-    return truth;
+  std::string Name() const override {
+    return "cgal " CGAL_VERSION_STR " (epick, exact order)" +
+           std::string(scene_.procedural_count() > 0 ? "; procedural primitives in integers" : "");
   }
-  std::string Name() const override { return "cgal " CGAL_VERSION_STR " (epick, exact order)"; }
-  bool Exact() const override { return true; }
+  uint64_t Audit(std::span<const rb_ray> rays, std::span<const Truth> truth, uint64_t seed,
+                 uint64_t count) const override {
+    if (truth.size() != rays.size()) throw InputError("audit: rays and truth differ in number");
+    const FloatState ieee;
+    count = scene_.triangles.empty() ? 0 : std::min<uint64_t>(count, rays.size());
+    Random random(seed);
+    uint64_t wanted = count;
+    for (size_t i = 0; wanted > 0; ++i) {
+      // Each subset is equally likely (Knuth, TAOCP 3.4.2, algorithm S).
+      if (random.Below(rays.size() - i) >= wanted) continue;
+      --wanted;
+      std::vector<uint32_t> near;
+      AnyTriangleNear(rays[i], [&](uint32_t prim) {
+        near.push_back(prim);
+        return false;
+      });
+      const std::string difference =
+          AuditTruth(scene_, rays[i], scene_.procedural_count() > 0 ? AskTriangles(rays[i]) : truth[i], near);
+      if (difference.empty()) continue;
+      const rb_ray& r = rays[i];
+      throw std::logic_error(
+          fmt::format("oracle and audit disagree on ray {} of {}: {}; org {:a} {:a} {:a} dir {:a} {:a} {:a} "
+                      "tnear {:a} tfar {:a}",
+                      i, rays.size(), difference, r.org[0], r.org[1], r.org[2], r.dir[0], r.dir[1], r.dir[2],
+                      r.tnear, r.tfar));
+    }
+    return count;
+  }
 
  protected:
-  std::vector<TrueHit> AllHits(const rb_ray& ray) const override {
+  std::vector<TrueHit> TriangleHits(const rb_ray& ray) const override {
     bool coplanar;
     std::vector<TrueHit> hits;
     for (const Crossing& c : Crossings(ray, coplanar)) {
@@ -188,7 +218,7 @@ class CgalOracle final : public JudgingOracle {
     }
     return hits;
   }
-  bool AnyNear(const rb_ray& ray, const std::function<bool(uint32_t)>& accept) const override {
+  bool AnyTriangleNear(const rb_ray& ray, const std::function<bool(uint32_t)>& accept) const override {
     return tree_.AnyNear({ToDouble(LoadVec3(ray.org)), ToDouble(LoadVec3(ray.dir))}, accept);
   }
 
@@ -209,6 +239,12 @@ class CgalOracle final : public JudgingOracle {
   }
   exact::Ratio Ratio(const rb_ray& ray, uint32_t prim) const {
     return exact::PlaneRatio(exact::Line(ray), Corners(prim));
+  }
+
+  /// The t that an exact answer has.
+  float RoundedT(const rb_ray& ray, const Crossing& c) const {
+    const float lo = float(c.t - c.error), hi = float(c.t + c.error);
+    return AnswerableT(lo == hi ? lo : exact::RoundToFloat(Ratio(ray, c.prim)), ray);
   }
 
   /// Every triangle whose t may lie in the interval, at least.
@@ -260,13 +296,14 @@ class CgalOracle final : public JudgingOracle {
     return crossings;
   }
 
-  Truth AskOne(const rb_ray& ray) const {
+  Truth AskTriangles(const rb_ray& ray) const override {
     Truth truth;
     std::vector<Crossing> crossings = Crossings(ray, truth.coplanar);
     if (crossings.empty()) return truth;
-    double latest = std::numeric_limits<double>::infinity();
-    for (const Crossing& c : crossings) latest = std::min(latest, c.t + c.error);
-    std::erase_if(crossings, [&](const Crossing& c) { return c.t - c.error > latest; });
+    // What may round to the float of the nearest stays.
+    float latest = std::numeric_limits<float>::infinity();
+    for (const Crossing& c : crossings) latest = std::min(latest, AnswerableT(float(c.t + c.error), ray));
+    std::erase_if(crossings, [&](const Crossing& c) { return float(c.t - c.error) > latest; });
     std::sort(crossings.begin(), crossings.end(),
               [](const Crossing& a, const Crossing& b) { return a.prim < b.prim; });
 
@@ -286,6 +323,11 @@ class CgalOracle final : public JudgingOracle {
       if (order <= 0) truth.tied.push_back(prim);
     }
     truth.t = best.Value();
+    truth.t_rounded = AnswerableT(exact::RoundToFloat(best), ray);
+    for (size_t i = 0; truth.first == RAYBENCH_NONE; ++i) {
+      if (crossings[i].prim == truth.tied.front() || RoundedT(ray, crossings[i]) == truth.t_rounded)
+        truth.first = crossings[i].prim;
+    }
     truth.feature = meeting == Meeting::kInterior ? Feature::kInterior
                     : meeting == Meeting::kEdge   ? Feature::kEdge
                                                   : Feature::kVertex;
@@ -299,9 +341,6 @@ class CgalOracle final : public JudgingOracle {
 
 }  // namespace
 
-std::unique_ptr<Oracle> MakeCgalOracle(const Scene& scene) {
-  if (scene.procedural_count() > 0) return nullptr;
-  return std::make_unique<CgalOracle>(scene);
-}
+std::unique_ptr<Oracle> MakeCgalOracle(const Scene& scene) { return std::make_unique<CgalOracle>(scene); }
 
 }  // namespace raybench

@@ -30,6 +30,7 @@
 #include "harness/run_facts.h"
 #include "harness/statistics.h"
 #include "harness/table.h"
+#include "harness/truth_cache.h"
 #include "tracer/image_io.h"
 #include "tracer/tracer.h"
 
@@ -44,8 +45,6 @@ constexpr double kLongPassSeconds = 0.25;
 /// What is linear (RB_LINEAR) is left out where one pass would look at more primitives than this, about half
 /// a second; in a quick run a quarter of it.
 constexpr double kLinearBudget = 0x1p25;
-/// The same for truth by brute force, over all sets of a scene.
-constexpr double kDoubleOracleBudget = 0x1p31;
 
 /// Triangles whose overlap with strange nodes is measured.
 constexpr uint64_t kOverlapSamples = 1 << 14;
@@ -245,30 +244,20 @@ class Run {
   void Ask(std::vector<PreparedSet>& sets) {
     Update(0.08, "preparing truth");
     oracle_ = MakeOracle(scene());
-    uint64_t per_set = options_.RaysVerified();
-    if (!oracle_->Exact() && options_.verify_rays == 0) {
-      const double affordable = kDoubleOracleBudget / double(scene().primitive_count()) / double(sets.size());
-      const uint64_t cut = std::max<uint64_t>(256, uint64_t(affordable));
-      if (cut < per_set) {
-        per_set = cut;
-        Note(fmt::format("truth is brute force, so {} rays of a set are verified", per_set));
-      }
-    }
+    uint64_t audited = 0;
     for (size_t i = 0; i < sets.size(); ++i) {
       PreparedSet& s = sets[i];
-      s.picks = PickSample(s.set.rays.size(), per_set, options_.seed, s.set.hash);
+      s.picks = PickSample(s.set.rays.size(), options_.RaysVerified(), options_.seed, s.set.hash);
       for (uint32_t pick : s.picks) s.picked.push_back(s.set.rays[pick]);
-      constexpr size_t kChunk = 1024;
-      for (size_t at = 0; at < s.picked.size(); at += kChunk) {
+      const auto progress = [&](double fraction) {
         ThrowIfInterrupted();
-        const size_t n = std::min(kChunk, s.picked.size() - at);
-        std::vector<Truth> truth = oracle_->Ask(std::span(s.picked).subspan(at, n), 0);
-        std::move(truth.begin(), truth.end(), std::back_inserter(s.truth));
-        Update(0.1 + 0.1 * (double(i) + double(at) / double(s.picked.size())) / double(sets.size()),
-               "asking for truth");
-      }
+        Update(0.1 + 0.1 * (double(i) + fraction) / double(sets.size()), "asking for truth");
+      };
+      s.truth = CachedTruth(*oracle_, scene(), s.picked, 0,
+                            {progress, [&](const std::string& line) { progress_.Say(line); }});
+      audited += oracle_->Audit(s.picked, s.truth, options_.seed, kAuditedRays);
     }
-    oracles_[scene_index_] = {{"name", oracle_->Name()}, {"exact", oracle_->Exact()}};
+    oracles_[scene_index_] = {{"name", oracle_->Name()}, {"exact", oracle_->Exact()}, {"audited", audited}};
   }
 
   void RecordSets(const std::vector<PreparedSet>& sets) {

@@ -9,11 +9,45 @@
 #include <cmath>
 #include <vector>
 
+#include "accel/bounds/kdop.h"
 #include "accel/structure.h"
 #include "harness/cover.h"
 
 namespace raybench {
 namespace {
+
+template <int K>
+bool KdopHolds(const float* bounds, Vec3d p) {
+  for (int i = 0; i < K / 2; ++i) {
+    const double along = i < 3 ? p[i] : Dot(KdopBound<K>::Direction(i - 3), p);
+    // Sums of three floats of very different sizes are rounded.
+    const double slack = i < 3 ? 0 : 0x1p-50 * (std::fabs(p.x) + std::fabs(p.y) + std::fabs(p.z));
+    if (!(along >= bounds[i] - slack && along <= bounds[i + K / 2] + slack)) return false;
+  }
+  return true;
+}
+
+/// Bounds of another shape than a box, as shown. Nothing is known of other numbers of floats than these.
+struct OddBounds {
+  uint32_t shape;
+  std::vector<float> floats;
+
+  bool Known() const {
+    const size_t n = floats.size();
+    return shape == RB_SHAPE_SPHERE ? n == 4 : shape == RB_SHAPE_KDOP && (n == 14 || n == 18 || n == 26);
+  }
+  bool Holds(Vec3f point) const {
+    const Vec3d p = ToDouble(point);
+    const float* b = floats.data();
+    if (shape == RB_SHAPE_SPHERE) {
+      const Vec3d d = p - ToDouble(LoadVec3(b));
+      return Dot(d, d) <= double(b[3]) * b[3] * (1 + 0x1p-50);
+    }
+    return floats.size() == 14   ? KdopHolds<14>(b, p)
+           : floats.size() == 18 ? KdopHolds<18>(b, p)
+                                 : KdopHolds<26>(b, p);
+  }
+};
 
 /// Collects the figures, and checks, while the tree is visited.
 class Visitor {
@@ -30,9 +64,9 @@ class Visitor {
       if (nodes_ == 0) root_area_ = box.HalfArea();
       weighted_area_ += double(box.HalfArea()) * (node.is_leaf ? node.prim_count : 1);
     } else {
-      ++s.unchecked_nodes;
+      all_boxes_ = false;
     }
-    CheckInsideParent(node.depth, is_box ? std::optional(box) : std::nullopt);
+    CheckInsideParent(node, is_box ? std::optional(box) : std::nullopt);
     ++nodes_;
     last_depth_ = node.depth, last_is_leaf_ = node.is_leaf != 0;
     s.depth = std::max(s.depth, node.depth);
@@ -55,8 +89,7 @@ class Visitor {
       if (!referenced_[prim]) Flaw(fmt::format("no leaf holds primitive {}", prim));
     if (const auto prim = FirstUncovered())
       Flaw(fmt::format("the leaves of primitive {} leave out part of it", *prim));
-    if (statistics_.unchecked_nodes == 0 && root_area_ > 0)
-      statistics_.sah_cost = weighted_area_ / root_area_;
+    if (all_boxes_ && root_area_ > 0) statistics_.sah_cost = weighted_area_ / root_area_;
     return std::move(statistics_);
   }
 
@@ -78,12 +111,31 @@ class Visitor {
     }
   }
 
-  void CheckInsideParent(uint32_t depth, std::optional<Bounds3> box) {
-    if (depth > path_.size()) return;  // not pre-order: told already
-    if (depth > 0 && box && path_[depth - 1] && !box->Empty() && !path_[depth - 1]->Contains(*box))
+  /// Boxes nest. Other shapes need not, since a sphere around spheres reaches farther than what they hold;
+  /// there each primitive is looked for in all of them.
+  void CheckInsideParent(const rb_node& node, std::optional<Bounds3> box) {
+    if (node.depth > path_.size()) return;  // not pre-order: told already
+    if (node.depth > 0 && box && path_[node.depth - 1] && !box->Empty() &&
+        !path_[node.depth - 1]->Contains(*box))
       Flaw(fmt::format("the box of node {} of the visit is not inside its parent's", nodes_));
-    path_.resize(depth);
+    path_.resize(node.depth);
     path_.push_back(box);
+    odd_.resize(std::min<size_t>(odd_.size(), node.depth));
+    if (box) return;
+    odd_.resize(node.depth + 1);
+    OddBounds& odd = odd_.back().emplace();
+    odd.shape = node.shape;
+    odd.floats.assign(node.bounds, node.bounds + node.bounds_count);
+    if (!odd.Known() || geometry_.procedural_count > 0) ++statistics_.unchecked_nodes;
+    if (!odd.Known()) odd_.back().reset();
+  }
+
+  bool HeldByOddBounds(uint32_t prim) const {
+    if (prim >= geometry_.triangle_count) return true;  // only its box is known
+    for (const std::optional<OddBounds>& odd : odd_)
+      for (int corner = 0; odd && corner < 3; ++corner)
+        if (!odd->Holds(Vertex(geometry_, prim, corner))) return false;
+    return true;
   }
 
   void Reference(const rb_node& leaf, uint32_t prim, const Bounds3* box) {
@@ -93,8 +145,9 @@ class Visitor {
     if (leaf.space_partition) {
       // A cell of another shape than a box may hold any part.
       parts_.push_back({prim, box != nullptr ? uint32_t(cells_.size() - 1) : RAYBENCH_NONE});
-    } else if (box != nullptr && !box->Contains(PrimBounds(geometry_, prim))) {
-      Flaw(fmt::format("the bounds of a leaf leave out part of primitive {}", prim));
+    } else if ((box != nullptr && !box->Contains(PrimBounds(geometry_, prim))) || !HeldByOddBounds(prim)) {
+      Flaw(fmt::format("the bounds of a leaf{} leave out part of primitive {}",
+                       odd_.empty() ? "" : " or of a node above it", prim));
     }
   }
 
@@ -136,8 +189,9 @@ class Visitor {
   double weighted_area_ = 0, root_area_ = 0;
   uint64_t nodes_ = 0;
   uint32_t last_depth_ = 0;
-  bool last_is_leaf_ = false;
-  std::vector<std::optional<Bounds3>> path_;  // from the root to the last node
+  bool last_is_leaf_ = false, all_boxes_ = true;
+  std::vector<std::optional<Bounds3>> path_;   // from the root to the last node
+  std::vector<std::optional<OddBounds>> odd_;  // the same, for what is no box
   std::vector<bool> referenced_;
   std::vector<Bounds3> cells_;  // leaves of a space partition, and what they refer to
   std::vector<Part> parts_;

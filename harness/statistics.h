@@ -20,14 +20,17 @@ struct TreeStatistics {
   /// Sum over nodes of area / root area x (1 for an inner node, primitives for a leaf) (MacDonald, Booth
   /// 1990). Absent when a node is not a box or the root has no area.
   std::optional<double> sah_cost;
-  uint64_t unchecked_nodes = 0;  ///< not boxes, so that nothing is known of what they enclose
+  /// No boxes, and either of a shape that is not known (spheres and k-DOPs are) or perhaps around a
+  /// procedural primitive, of which only the box is known: whether they enclose it is not checked.
+  uint64_t unchecked_nodes = 0;
   /// The first thing found that makes the tree lose rays or is not as the contract says, in words; empty if
   /// there is none:
   /// - not pre-order: a root of another depth than 0, more than one root, a node that is deeper than a child
   ///   of the node before it, an inner node without children;
   /// - a box that is not inside the box of its parent;
   /// - a primitive that no leaf holds, or a reference to one that does not exist;
-  /// - object partition: a primitive that is not inside the box of its leaf;
+  /// - object partition: a primitive that is not inside the bounds of its leaf, or of a node above it that is
+  ///   no box;
   /// - space partition: part of a triangle that lies in none of the leaves that refer to it (triangle minus
   ///   boxes, in double: a gap is seen when it is wider than 2^-44 of the coordinates, and floats that differ
   ///   do so by 2^-24); of a procedural primitive, part of its bounds outside the box around these leaves.

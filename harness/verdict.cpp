@@ -27,37 +27,49 @@
 // within that primitive's error.
 //
 // Classes of a closest hit, in the order they are tried:
+// - strict, counted as exact: what the contract asks of exact arithmetic, to the bit. t is the exact t
+// rounded
+//   to float, and of the primitives whose t round to the same the lowest id wins, be they tied exactly or
+//   not; or truth is a miss and so is the answer. A triangle in whose plane the ray lies is as right as a
+//   miss, at every t at which the ray is inside it.
 // - malformed: a non-finite t, t outside (tnear, tfar], an unknown primitive, a miss with t != tfar. Plain.
-// - exact, tie: a primitive of the tied set with t within the error; or truth is a miss and so is the answer.
-//   A triangle in whose plane the ray lies is right at every t at which the ray is inside it.
-// - neighbour: plausible, shares a vertex (by position) with a primitive of the tied set, and t agrees with
+// - exact, tie: a primitive of the tied set with t within the error.
+// - wrong, plain: both hit, and the answer is not plausible.
+// - false hit: truth is a miss. Plausible: the ray misses that primitive exactly and passes within the bound
+// of
+//   it; were the edge interior and transversal, the truth would lie there. So this is a silhouette, a
+//   boundary, or an end of the interval: marginal. Else plain.
+// - leak, wrong, false miss: the answer lies behind the truth, or is a miss, and the worst of the true hits
+// that
+//   it has *passed* (below) decides: leak, plain, or marginal.
+// - neighbour: none of these, shares a vertex (by position) with a primitive of the tied set, and t agrees
+// with
 //   the true one within twice the sum of both errors (each plane is off at the ray).
-// - wrong: both hit, and neither of these. Not plausible: plain. Plausible and nearer than the truth: the ray
-//   misses that primitive exactly and passes within the bound of it; were the edge interior and transversal,
-//   the truth would lie there too, so this is a silhouette, a boundary, or the interval's near end: marginal.
-//   Plausible at the same t within the errors (surfaces closer than the arithmetic resolves): the order is
-//   undecidable, marginal. Plausible and behind: see below.
-// - false hit: truth is a miss. Plausible: marginal by the same argument, else plain.
-// - false miss: truth is a hit; see below.
+// - wrong, marginal: the rest, be it nearer than the truth (as for a false hit) or behind it.
 //
-// An answer behind the truth, or a miss, has *passed* every true hit in front of it. The worst decides:
-// - marginal: t lies within the error of an end of the interval; or the surface can be slipped past (below);
-//   or the answer, plausible, lies on the same patch (below) of it.
-// - leak: none of these, and the ray passes within the bound of an edge or vertex.
-// - plain: none of these, and the ray meets the triangle clear of its edges.
+// An answer, or a miss, has passed a true hit if every sound test reports a hit before it. It is
+// - marginal if that surface can be slipped past (below), within the part of it whose t, with its error, lies
+// in
+//   the interval and before the answer;
+// - else a leak if the ray passes within the bound of an edge or vertex;
+// - else plain: the ray meets the triangle clear of its edges.
 //
 // Can the surface be slipped past? Take the patch: the triangle, and repeatedly all triangles at every edge
 // within the bound of the ray. Moving the vertices by less than the bound cannot carry the ray across any
 // other edge. So if a subset of the patch has no boundary (mod 2) among the near edges and covers the ray an
 // odd number of times, it still covers the ray after any such move: the degree of a map is invariant under
-// homotopy. The surface is then *sealed*. At an edge inside a surface that crosses the ray's plane, the two
-// triangles are such a subset; at a silhouette the pair covers the ray 0 or 2 times; at a boundary edge there
-// is no such subset; at a vertex the closed fan counts with its winding number. Duplicates, fins and
-// inconsistent orientation need no special case. Whether such a subset exists is linear algebra over GF(2):
-// with a row for each near edge (which triangles of the patch have it) and c telling which triangles cover
-// the ray, it exists exactly if c is no sum of rows. How often a triangle covers the ray is counted by edge
-// crossings with a half-open rule, in double: the same vertex gives the same coordinates everywhere, so this
-// is itself one of the allowed moves.
+// homotopy. The surface is then *sealed*, and a sound test reports one of the subset, at a t within that
+// triangle's error. So the subset may use only triangles that end before the answer: at the edge of a tread,
+// seen from above, the step below may be answered, since only the riser, which reaches down to it, seals the
+// gap; but a fin that hangs behind a flat surface's edge may not, since the surface seals without it. At an
+// edge inside a surface that crosses the ray's plane, the two triangles are such a subset; at a silhouette
+// the pair covers the ray 0 or 2 times; at a boundary edge there is no such subset; at a vertex the closed
+// fan counts with its winding number. Duplicates, fins and inconsistent orientation need no special case.
+// Whether such a subset exists is linear algebra
+// over GF(2): with a row for each near edge (which triangles of the patch have it) and c telling which
+// triangles cover the ray, both cut down to the triangles that may be used, it exists exactly if c is no sum
+// of rows. How often a triangle covers the ray is counted by edge crossings with a half-open rule, in double:
+// the same vertex gives the same coordinates everywhere, so this is itself one of the allowed moves.
 //
 // Any-hit answers follow the same rules: a false hit is marginal if some plausible hit exists in the
 // interval.
@@ -185,25 +197,30 @@ bool InSpan(std::vector<std::vector<uint64_t>> rows, std::vector<uint64_t> targe
   return true;
 }
 
+/// Where a float test may put the t of a hit.
+struct Range {
+  double lo, hi;
+
+  Range(double t, double error)
+      : lo(t - std::max(error, EightUlp(t))), hi(t + std::max(error, EightUlp(t))) {}
+  /// Any sound test reports such a hit, and before `end`.
+  bool Surely(const rb_ray& ray, double end) const { return lo > ray.tnear && hi < end; }
+};
+
 /// What surrounds a true hit within the error bound.
 struct Patch {
   bool near_edge = false;  // the hit itself is within the bound of an edge
-  bool sealed = false;
-  std::vector<uint32_t> members;  // representatives
-  double t_error = 0;             // how far from t a float test may answer, at most, over the patch
+  bool sealed = false;     // by triangles that any sound test reports before `end`
 };
 
 Patch Surround(const Scene& scene, const Adjacency& adjacency, const rb_ray& ray, uint32_t triangle,
-               double t) {
+               double end) {
   Patch patch;
-  std::vector<uint32_t>& members = patch.members;
-  members.push_back(adjacency.Representative(triangle));
+  std::vector<uint32_t> members = {adjacency.Representative(triangle)};
   std::vector<Sheared> shapes;
   std::vector<std::pair<uint32_t, uint32_t>> edges;
   for (size_t m = 0; m < members.size(); ++m) {
     const Sheared& shape = shapes.emplace_back(ray, Points(scene, members[m]));
-    const Appraisal appraisal = shape.Appraise();
-    patch.t_error = std::max(patch.t_error, std::fabs(appraisal.t - t) + appraisal.t_error);
     const Adjacency::Corners corners = adjacency.CornersOf(members[m]);
     for (size_t i = 0; i < 3; ++i) {
       if (!shape.NearEdge(int(i))) continue;
@@ -224,6 +241,8 @@ Patch Surround(const Scene& scene, const Adjacency& adjacency, const rb_ray& ray
   std::vector<uint64_t> covers(words);
   std::vector<std::vector<uint64_t>> rows(edges.size(), std::vector<uint64_t>(words));
   for (size_t m = 0; m < members.size(); ++m) {
+    const Appraisal appraisal = shapes[m].Appraise();
+    if (!Range(appraisal.t, appraisal.t_error).Surely(ray, end)) continue;
     const uint64_t mask = uint64_t{1} << (m % 64);
     if (shapes[m].Covers()) covers[m / 64] |= mask;
     const auto c = adjacency.CornersOf(members[m]);
@@ -246,6 +265,10 @@ double UlpOfFloat(double t) {
 double EightUlp(double t) { return 8 * UlpOfFloat(t); }
 
 double ErrorInUlp(float answer, double truth) { return std::fabs(answer - truth) / UlpOfFloat(truth); }
+
+float AnswerableT(float t, const rb_ray& ray) {
+  return t == ray.tnear ? std::nextafterf(t, std::numeric_limits<float>::infinity()) : t;
+}
 
 Adjacency::Adjacency(const Scene& scene) : scene_(scene) {
   const size_t vertices = scene.positions.size(), triangles = scene.triangles.size();
@@ -299,6 +322,21 @@ Adjacency::Corners Adjacency::CornersOf(uint32_t triangle) const {
   return {position_[v[0]], position_[v[1]], position_[v[2]]};
 }
 
+std::vector<Truth> JudgingOracle::Ask(std::span<const rb_ray> rays, uint32_t threads) const {
+  std::vector<Truth> truth(rays.size());
+  ParallelFor(rays.size(), threads, [&](size_t i) {
+    truth[i] = AskTriangles(rays[i]);
+    others_.Join(rays[i], truth[i]);
+  });
+  return truth;
+}
+
+std::vector<TrueHit> JudgingOracle::AllHits(const rb_ray& ray) const {
+  std::vector<TrueHit> hits = TriangleHits(ray);
+  for (const ExactTruth::Meeting& m : others_.All(ray)) hits.push_back({m.prim, m.t.v});
+  return hits;
+}
+
 Appraisal JudgingOracle::Appraise(const rb_ray& ray, uint32_t prim, int root) const {
   if (prim >= scene_.triangles.size()) return AppraiseProcedural(scene_, ray, prim, root);
   return Sheared(ray, Points(scene_, prim)).Appraise();
@@ -326,9 +364,13 @@ bool JudgingOracle::SharesVertex(uint32_t prim, const std::vector<uint32_t>& oth
   return false;
 }
 
-bool JudgingOracle::AcceptedInPlane(const rb_ray& ray, const rb_hit& answer) const {
-  if (const auto [kind, i] = scene_.Locate(answer.prim); kind != PrimKind::kTriangle)
-    return kind == PrimKind::kPolygon && LiesInPolygon(scene_, ray, i, answer.t);
+bool JudgingOracle::AcceptedInPlane(const rb_ray& ray, const Truth& truth, const rb_hit& answer) const {
+  if (!truth.coplanar || answer.prim >= scene_.primitive_count() || !std::isfinite(answer.t) ||
+      !(answer.t > ray.tnear && answer.t <= ray.tfar) ||
+      (truth.hit && answer.t > truth.t + EightUlp(truth.t))) {
+    return false;
+  }
+  if (answer.prim >= scene_.triangles.size()) return LiesInSurface(scene_, ray, answer.prim, answer.t);
   const exact::Line line(ray);
   const exact::Corners p = Points(scene_, answer.prim);
   const double slack = EightUlp(answer.t);
@@ -336,32 +378,22 @@ bool JudgingOracle::AcceptedInPlane(const rb_ray& ray, const rb_hit& answer) con
          exact::MeetsInPlane(line, p, float(answer.t - slack), float(answer.t + slack));
 }
 
-JudgingOracle::Excuse JudgingOracle::Passed(const rb_ray& ray, const TrueHit& hit,
-                                            const rb_hit* answer) const {
-  const auto at_an_end = [&](double error) {
-    error = std::max(error, EightUlp(hit.t));
-    return hit.t - ray.tnear <= error || ray.tfar - hit.t <= error;
-  };
+JudgingOracle::Excuse JudgingOracle::Passed(const rb_ray& ray, const TrueHit& hit, double end) const {
   if (hit.prim >= scene_.triangles.size()) {
     const Appraisal appraisal = AppraiseAt(ray, hit.prim, hit.t);
-    return appraisal.grazing || at_an_end(appraisal.t_error) ? Excuse::kMarginal : Excuse::kPlain;
+    return !appraisal.grazing && Range(hit.t, appraisal.t_error).Surely(ray, end) ? Excuse::kPlain
+                                                                                  : Excuse::kMarginal;
   }
-  const Patch patch = Surround(scene_, adjacency_, ray, hit.prim, hit.t);
-  if (!patch.sealed || at_an_end(patch.t_error)) return Excuse::kMarginal;
-  // Held by the very surface that it seems to have passed, where that is steep or folded within the bound.
-  if (answer && answer->prim < scene_.triangles.size() &&
-      std::find(patch.members.begin(), patch.members.end(), adjacency_.Representative(answer->prim)) !=
-          patch.members.end()) {
-    return Excuse::kMarginal;
-  }
+  const Patch patch = Surround(scene_, adjacency_, ray, hit.prim, end);
+  if (!patch.sealed) return Excuse::kMarginal;
   return patch.near_edge ? Excuse::kLeak : Excuse::kPlain;
 }
 
-JudgingOracle::Excuse JudgingOracle::PassedBefore(const rb_ray& ray, const rb_hit* answer) const {
+JudgingOracle::Excuse JudgingOracle::PassedBefore(const rb_ray& ray, double end) const {
   Excuse worst = Excuse::kMarginal;
   for (const TrueHit& hit : AllHits(ray)) {
-    if (answer && (hit.t >= answer->t || Agree(ray, hit, *answer))) continue;
-    const Excuse excuse = Passed(ray, hit, answer);
+    if (hit.t >= end) continue;
+    const Excuse excuse = Passed(ray, hit, end);
     if (excuse == Excuse::kLeak) return excuse;
     if (excuse == Excuse::kPlain) worst = excuse;
   }
@@ -373,11 +405,17 @@ bool JudgingOracle::Agree(const rb_ray& ray, const TrueHit& hit, const rb_hit& a
   return std::fabs(answer.t - hit.t) <= std::max(EightUlp(hit.t), 2 * (a.t_error + b.t_error));
 }
 
+bool JudgingOracle::IsStrict(const rb_ray& ray, const Truth& truth, const rb_hit& answer) const {
+  if (answer.prim == RAYBENCH_NONE) return !truth.hit && answer.t == ray.tfar;
+  return (truth.hit && answer.prim == truth.first && answer.t == truth.t_rounded) ||
+         AcceptedInPlane(ray, truth, answer);
+}
+
 Verdict JudgingOracle::Judge(const rb_ray& ray, const Truth& truth, const rb_hit& answer) const {
+  if (IsStrict(ray, truth, answer)) return Verdict::kExact;
   if (answer.prim == RAYBENCH_NONE) {
     if (!(answer.t == ray.tfar)) return truth.hit ? Verdict::kFalseMiss : Verdict::kFalseHit;
-    if (!truth.hit) return Verdict::kExact;
-    const Excuse excuse = PassedBefore(ray, nullptr);
+    const Excuse excuse = PassedBefore(ray, ray.tfar);
     return excuse == Excuse::kLeak    ? Verdict::kLeak
            : excuse == Excuse::kPlain ? Verdict::kFalseMiss
                                       : Verdict::kFalseMissMarginal;
@@ -393,37 +431,41 @@ Verdict JudgingOracle::Judge(const rb_ray& ray, const Truth& truth, const rb_hit
   };
   if (std::binary_search(truth.tied.begin(), truth.tied.end(), answer.prim) && plausible_at(truth.t))
     return answer.prim == truth.tied.front() ? Verdict::kExact : Verdict::kTie;
-  if (truth.coplanar && !(truth.hit && answer.t > truth.t + EightUlp(truth.t)) &&
-      AcceptedInPlane(ray, answer))
-    return Verdict::kExact;
   if (!plausible_at(answer.t)) return plain;
   if (!truth.hit) return Verdict::kFalseHitMarginal;
-  const bool agree = Agree(ray, {truth.tied.front(), truth.t}, answer);
-  if (agree && SharesVertex(answer.prim, truth.tied)) return Verdict::kNeighbour;
-  if (agree || answer.t < truth.t) return Verdict::kWrongMarginal;
-  const Excuse excuse = PassedBefore(ray, &answer);
-  return excuse == Excuse::kLeak    ? Verdict::kLeak
-         : excuse == Excuse::kPlain ? Verdict::kWrong
-                                    : Verdict::kWrongMarginal;
+  // Nothing is surely reported within 8 ulp of the nearest hit.
+  const Excuse excuse =
+      answer.t > truth.t + EightUlp(truth.t) ? PassedBefore(ray, answer.t) : Excuse::kMarginal;
+  if (excuse == Excuse::kLeak) return Verdict::kLeak;
+  if (excuse == Excuse::kPlain) return Verdict::kWrong;
+  const bool neighbour =
+      SharesVertex(answer.prim, truth.tied) && Agree(ray, {truth.tied.front(), truth.t}, answer);
+  return neighbour ? Verdict::kNeighbour : Verdict::kWrongMarginal;
 }
 
 Verdict JudgingOracle::JudgeAny(const rb_ray& ray, const Truth& truth, bool occluded) const {
   if (occluded == truth.hit || (occluded && truth.coplanar)) return Verdict::kExact;
   if (!occluded) {
-    const Excuse excuse = PassedBefore(ray, nullptr);
+    const Excuse excuse = PassedBefore(ray, ray.tfar);
     return excuse == Excuse::kLeak    ? Verdict::kLeak
            : excuse == Excuse::kPlain ? Verdict::kFalseMiss
                                       : Verdict::kFalseMissMarginal;
   }
-  const bool near = ray.tnear < ray.tfar && AnyNear(ray, [&](uint32_t prim) {
-                      for (int root = 0; root < RootCount(scene_, prim); ++root) {
-                        const Appraisal a = Appraise(ray, prim, root);
-                        const double error = std::max(EightUlp(a.t), a.t_error);
-                        if (a.possible && a.t + error > ray.tnear && a.t - error <= ray.tfar) return true;
-                      }
-                      return false;
-                    });
+  const auto may_be_met = [&](uint32_t prim) {
+    for (int root = 0; root < RootCount(scene_, prim); ++root) {
+      const Appraisal a = Appraise(ray, prim, root);
+      const double error = std::max(EightUlp(a.t), a.t_error);
+      if (a.possible && a.t + error > ray.tnear && a.t - error <= ray.tfar) return true;
+    }
+    return false;
+  };
+  const bool near =
+      ray.tnear < ray.tfar && (AnyTriangleNear(ray, may_be_met) || others_.AnyNear(ray, may_be_met));
   return near ? Verdict::kFalseHitMarginal : Verdict::kFalseHit;
+}
+
+uint64_t Oracle::Audit(std::span<const rb_ray>, std::span<const Truth>, uint64_t, uint64_t) const {
+  return 0;
 }
 
 const char* VerdictName(Verdict verdict) {
@@ -446,9 +488,11 @@ VerdictCounts JudgeAll(const Oracle& oracle, uint32_t query_kind, std::span<cons
   if (truth.size() != rays.size() || (closest ? hits.size() : occluded.size()) != rays.size())
     throw InputError("verdict: rays, truth and answers differ in number");
   std::vector<Verdict> verdicts(rays.size());
+  std::vector<uint8_t> strict(rays.size());
   ParallelFor(rays.size(), threads, [&](size_t i) {
     verdicts[i] = closest ? oracle.Judge(rays[i], truth[i], hits[i])
                           : oracle.JudgeAny(rays[i], truth[i], occluded[i] != 0);
+    strict[i] = closest ? oracle.IsStrict(rays[i], truth[i], hits[i]) : verdicts[i] == Verdict::kExact;
   });
 
   VerdictCounts counts;
@@ -456,6 +500,7 @@ VerdictCounts JudgeAll(const Oracle& oracle, uint32_t query_kind, std::span<cons
   std::vector<double> errors;
   for (size_t i = 0; i < rays.size(); ++i) {
     ++counts.by_class[size_t(verdicts[i])];
+    counts.strict += strict[i];
     if (closest && truth[i].hit && verdicts[i] <= Verdict::kNeighbour)
       errors.push_back(ErrorInUlp(hits[i].t, truth[i].t));
   }
@@ -472,7 +517,7 @@ VerdictCounts JudgeAll(const Oracle& oracle, uint32_t query_kind, std::span<cons
 }
 
 bool BreaksClaim(uint32_t claim, const VerdictCounts& counts) {
-  if (claim == RB_CLAIM_EXACT) return counts[Verdict::kExact] != counts.rays;
+  if (claim == RB_CLAIM_EXACT) return counts.strict != counts.rays;
   if (claim == RB_CLAIM_WATERTIGHT) return counts.leaks() + counts.plain_errors() > 0;
   return false;
 }
@@ -490,9 +535,8 @@ void ParallelFor(size_t count, uint32_t threads, const std::function<void(size_t
 }
 
 std::unique_ptr<Oracle> MakeOracle(const Scene& scene) {
-  if (scene.procedural_count() == 0)
-    if (auto oracle = MakeCgalOracle(scene)) return oracle;
-  return MakeDoubleOracle(scene);
+  if (auto oracle = MakeCgalOracle(scene)) return oracle;
+  return MakeBoxOracle(scene);
 }
 
 #ifndef RAYBENCH_HAS_CGAL

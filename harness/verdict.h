@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include "harness/exact_truth.h"
 #include "harness/margins.h"
 #include "harness/oracle.h"
 
@@ -42,27 +43,38 @@ struct TrueHit {
 /// An oracle that can list true hits and near misses; judging follows from these.
 class JudgingOracle : public Oracle {
  public:
-  explicit JudgingOracle(const Scene& scene) : scene_(scene), adjacency_(scene) {}
+  /// Primitives with ids below `first` are the derived class's matter, and are triangles; the others are
+  /// asked about by ExactTruth.
+  JudgingOracle(const Scene& scene, uint32_t first)
+      : scene_(scene), adjacency_(scene), others_(scene, first) {}
 
+  bool IsStrict(const rb_ray& ray, const Truth& truth, const rb_hit& answer) const final;
+  std::vector<Truth> Ask(std::span<const rb_ray> rays, uint32_t threads) const final;
+  bool Exact() const final { return true; }
   Verdict Judge(const rb_ray& ray, const Truth& truth, const rb_hit& answer) const final;
   Verdict JudgeAny(const rb_ray& ray, const Truth& truth, bool occluded) const final;
 
  protected:
-  /// Every primitive met at t in (tnear, tfar], in any order; triangles in whose plane the ray lies left out.
-  virtual std::vector<TrueHit> AllHits(const rb_ray& ray) const = 0;
-  /// True if `accept` holds for some primitive whose bounds, widened by the float tests' error, the ray's
-  /// whole line meets.
-  virtual bool AnyNear(const rb_ray& ray, const std::function<bool(uint32_t prim)>& accept) const = 0;
+  /// The truth about the derived class's triangles alone.
+  virtual Truth AskTriangles(const rb_ray&) const { return {}; }
+  /// Every one of them met at t in (tnear, tfar], in any order; those in whose plane the ray lies left out.
+  virtual std::vector<TrueHit> TriangleHits(const rb_ray&) const { return {}; }
+  /// True if `accept` holds for some of them whose bounds, widened by the float tests' error, the ray's whole
+  /// line meets.
+  virtual bool AnyTriangleNear(const rb_ray&, const std::function<bool(uint32_t prim)>& /*accept*/) const {
+    return false;
+  }
 
   const Scene& scene_;
   const Adjacency adjacency_;
 
  private:
   enum class Excuse { kMarginal, kPlain, kLeak };
-  /// What it means that an answer (null: a miss) lies behind this hit.
-  Excuse Passed(const rb_ray& ray, const TrueHit& hit, const rb_hit* answer) const;
-  /// The worst of all hits in front of the answer.
-  Excuse PassedBefore(const rb_ray& ray, const rb_hit* answer) const;
+  std::vector<TrueHit> AllHits(const rb_ray& ray) const;
+  /// What it means that nothing was answered before `end`, although this hit lies there.
+  Excuse Passed(const rb_ray& ray, const TrueHit& hit, double end) const;
+  /// The worst of all hits before `end`.
+  Excuse PassedBefore(const rb_ray& ray, double end) const;
   /// `root`: curved primitives only, see AppraiseProcedural().
   Appraisal Appraise(const rb_ray& ray, uint32_t prim, int root) const;
   /// The root nearer to t.
@@ -70,8 +82,15 @@ class JudgingOracle : public Oracle {
   /// The two t are the same within the errors.
   bool Agree(const rb_ray& ray, const TrueHit& hit, const rb_hit& answer) const;
   bool SharesVertex(uint32_t prim, const std::vector<uint32_t>& others) const;
-  bool AcceptedInPlane(const rb_ray& ray, const rb_hit& answer) const;
+  /// The answer is a primitive in whose plane the ray lies, and not behind the truth.
+  bool AcceptedInPlane(const rb_ray& ray, const Truth& truth, const rb_hit& answer) const;
+
+  const ExactTruth others_;
 };
+
+/// What an answer may say of a hit in (tnear, tfar] whose exact t rounds to `t`: t itself, or the float after
+/// tnear where t is tnear.
+float AnswerableT(float t, const rb_ray& ray);
 
 /// 8 ulp of float at |t|, the least tolerance of any comparison of t.
 double EightUlp(double t);

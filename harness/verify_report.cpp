@@ -68,14 +68,21 @@ std::string StructureLine(const VerifiedTree& tree) {
       fmt::format("{} inner nodes, {} leaves, {} references, depth {}; structure: {}", s.inner_nodes,
                   s.leaf_nodes, s.references, s.depth, s.flaw.empty() ? "ok" : "BROKEN: " + s.flaw);
   if (s.unchecked_nodes > 0)
-    line += fmt::format(" (what {} nodes enclose is not checked: they are no boxes)", s.unchecked_nodes);
+    line += fmt::format(" (what {} nodes enclose is not checked)", s.unchecked_nodes);
   return line;
 }
 
 std::string ClaimLine(const VerifiedTree& tree) {
   if (tree.claim == RB_CLAIM_NOTHING) return "claims nothing";
   if (tree.claim == RB_CLAIM_INEXACT) return "claims inexact: its errors are measured";
-  return fmt::format("claims {}: {}", ClaimName(tree.claim), tree.ClaimHolds() ? "held" : "BROKEN");
+  std::string line =
+      fmt::format("claims {}: {}", ClaimName(tree.claim), tree.ClaimHolds() ? "held" : "BROKEN");
+  if (tree.claim == RB_CLAIM_EXACT) {
+    uint64_t rays = 0, strict = 0;
+    for (const VerdictRow& row : tree.rows) rays += row.counts.rays, strict += row.counts.strict;
+    line += fmt::format(", {} of {} answers are exact to the bit", strict, rays);
+  }
+  return line;
 }
 
 std::string Primitives(const std::vector<uint32_t>& prims) {
@@ -113,7 +120,7 @@ double ErrorHistogram::Percentile(uint64_t percent) const {
 }
 
 void VerdictRow::Add(const VerdictCounts& more) {
-  counts.rays += more.rays;
+  counts.rays += more.rays, counts.strict += more.strict;
   for (size_t v = 0; v < size_t(Verdict::kCount); ++v) counts.by_class[v] += more.by_class[v];
 }
 
@@ -181,6 +188,8 @@ std::string FormatExample(const VerifyExample& e) {
     text += fmt::format("     truth: t = {} ({:a}), primitive{} {}, {}", e.truth.t, e.truth.t,
                         e.truth.tied.size() == 1 ? "" : "s", Primitives(e.truth.tied),
                         FeatureName(e.truth.feature));
+    if (e.query == RB_CLOSEST && e.verdict == Verdict::kExact)
+      text += fmt::format("; to the bit: primitive {} at t = {:a}", e.truth.first, e.truth.t_rounded);
   } else {
     text += "     truth: miss";
   }
@@ -193,7 +202,7 @@ std::vector<std::string> VerdictColumns() {
                                       "params",  "claim",      "held",       "oracle",    "seed",
                                       "ray_set", "query",      "rays"};
   for (size_t v = 0; v < size_t(Verdict::kCount); ++v) columns.push_back(VerdictName(Verdict(v)));
-  for (const char* c : {"t_error_p50", "t_error_p99", "t_error_max", "leak_upper", "plain_upper"})
+  for (const char* c : {"strict", "t_error_p50", "t_error_p99", "t_error_max", "leak_upper", "plain_upper"})
     columns.push_back(c);
   return columns;
 }
@@ -211,6 +220,7 @@ std::vector<Json> VerdictRows(const VerifiedTree& tree) {
                    {"query", row.query == RB_ANY ? "any" : "closest"},
                    {"rays", c.rays}};
     for (size_t v = 0; v < size_t(Verdict::kCount); ++v) values[VerdictName(Verdict(v))] = c.by_class[v];
+    values["strict"] = c.strict;
     if (row.t_errors.count() > 0) {
       values["t_error_p50"] = row.t_errors.Percentile(50);
       values["t_error_p99"] = row.t_errors.Percentile(99);

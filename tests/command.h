@@ -59,6 +59,7 @@ class HarnessCommand : public ::testing::Test {
                 fmt::format("raybench_{}_{}", ::testing::UnitTest::GetInstance()->current_test_info()->name(),
                             getpid())) {
     fs::create_directories(folder_);
+    setenv("RAYBENCH_TRUTH_CACHE", "off", 1);  // the user's cache is none of a test's business
   }
   ~HarnessCommand() override { fs::remove_all(folder_); }
 

@@ -172,8 +172,42 @@ TEST(HarnessTreeStatistics, NodesAreInPreOrderAndInsideTheirParents) {
   rb_node wide = leaf;
   wide.bounds = larger;
   EXPECT_EQ(flaw({inner, leaf, wide}), "the box of node 2 of the visit is not inside its parent's");
-  wide.shape = RB_SHAPE_SPHERE, wide.bounds_count = 4;
-  EXPECT_EQ(flaw({inner, leaf, wide}), "");
+}
+
+TEST(HarnessTreeStatistics, SpheresAndKDopsHoldTheirTrianglesBelowToo) {
+  const testing::Mesh mesh = TwoTriangles();
+  const uint32_t prims[] = {0, 1};
+  // Around the middle of both triangles, x in 0..3, y and z in 0..1; the farthest corner is sqrt(2.75) away.
+  float sphere[] = {1.5f, 0.5f, 0.5f, 1.6584f};
+  // x, y, z, x+y+z, x-y+z, x+y-z, x-y-z: the greatest of x+y+z is that of (3, 1, 0).
+  float kdop[] = {0, 0, 0, 0, -1, -1, -1, 3, 1, 1, 4, 3, 4, 2};
+  const float all[] = {0, 0, 0, 3, 1, 1};
+  HandTree hand;
+  const auto flaw = [&](const rb_node& above, const rb_node& leaf) {
+    hand.nodes = {above, leaf};
+    return hand.Read(mesh.Geometry())->flaw;
+  };
+  const rb_node inner_sphere{0, 0, 0, RB_SHAPE_SPHERE, sphere, 4, 0, nullptr},
+      leaf_sphere{1, 1, 0, RB_SHAPE_SPHERE, sphere, 4, 2, prims},
+      inner_kdop{0, 0, 0, RB_SHAPE_KDOP, kdop, 14, 0, nullptr},
+      leaf_kdop{1, 1, 0, RB_SHAPE_KDOP, kdop, 14, 2, prims},
+      leaf_box{1, 1, 0, RB_SHAPE_BOX, all, 6, 2, prims};
+  EXPECT_EQ(flaw(inner_sphere, leaf_sphere), "");
+  EXPECT_EQ(flaw(inner_sphere, leaf_box), "");
+  EXPECT_EQ(flaw(inner_kdop, leaf_kdop), "");
+  EXPECT_EQ(hand.Read(mesh.Geometry())->unchecked_nodes, 0u);
+  EXPECT_FALSE(hand.Read(mesh.Geometry())->sah_cost);
+  const std::string lost = "the bounds of a leaf or of a node above it leave out part of primitive ";
+  sphere[3] = 1.6582f;
+  EXPECT_EQ(flaw(inner_sphere, leaf_box), lost + "0");
+  EXPECT_EQ(flaw(inner_kdop, leaf_sphere), lost + "0");
+  kdop[7 + 3] = std::nextafter(4.0f, 0.0f);
+  EXPECT_EQ(flaw(inner_kdop, leaf_box), lost + "1");
+  rb_node unknown = leaf_kdop;
+  unknown.bounds_count = 12;
+  unknown.depth = 0;
+  hand.nodes = {unknown};
+  EXPECT_EQ(hand.Read(mesh.Geometry())->flaw, "");
   EXPECT_EQ(hand.Read(mesh.Geometry())->unchecked_nodes, 1u);
 }
 

@@ -83,6 +83,24 @@ TEST_F(HarnessVerify, WatertightHoldsOnEverySetAndFastDoesNot) {
   EXPECT_NE(Read(folder_ / "other" / "examples.json"), Read(folder_ / "out" / "examples.json"));
 }
 
+TEST_F(HarnessVerify, WhatClaimsExactIsHeldToTheBit) {
+  const Outcome outcome = Verify({kBall, "--rays", "256", "--any", "--structures",
+                                  "bvh_sah(numerics=exact),bvh_sah", "--out", In("out")});
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.out;
+  const size_t answers = 2 * 256 * AimedSetNames().size();
+  EXPECT_THAT(outcome.out,
+              HasSubstr(fmt::format("bvh_sah(numerics=exact) claims exact: held, {0} of {0} answers are "
+                                    "exact to the bit\n",
+                                    answers)));
+  uint64_t loose = 0;
+  for (const Row& row : ReadCsv(folder_ / "out" / "verdicts.csv")) {
+    if (row.at("spec") == "bvh_sah") loose += Number(row, "rays") - Number(row, "strict");
+  }
+  EXPECT_GT(loose, 100u);  // watertight is not
+  EXPECT_GT(nlohmann::json::parse(Read(folder_ / "out" / "verify.json")).at("scenes").at(0).at("audited"),
+            100);
+}
+
 TEST_F(HarnessVerify, ExamplesReplayToTheSameVerdicts) {
   const std::string spec = "bvh_sah(numerics=fast)";
   ASSERT_EQ(Verify({kBall, "--rays", "1024", "--structures", spec, "--examples", "12", "--out", In("out")})
@@ -170,7 +188,7 @@ TEST_F(HarnessVerify, MalformedAnswersBreakTheContractWhateverIsClaimed) {
       HasSubstr("contract BROKEN: ray 99 hits primitive 327 of 320 (of those from 0 on, of set aimed_edge)"));
 }
 
-TEST_F(HarnessVerify, TheDefaultIsEveryStructureAtEachNumericsAndBruteGetsAPart) {
+TEST_F(HarnessVerify, TheDefaultIsEveryStructureAtEachNumericsAndLinearOnesGetAPart) {
   const Outcome outcome = Verify({"icosphere(level=5)", "--sets", "random,planes", "--rays", "8K", "--any",
                                   "--examples", "0", "--out", In("out")});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
@@ -183,7 +201,7 @@ TEST_F(HarnessVerify, TheDefaultIsEveryStructureAtEachNumericsAndBruteGetsAPart)
   for (const Row& row : ReadCsv(folder_ / "out" / "verdicts.csv")) {
     seen.insert(row.at("spec"));
     const uint64_t rays = Number(row, "rays");
-    if (row.at("structure") == "brute") {
+    if (registry.Find(row.at("structure")).capabilities & RB_LINEAR) {
       EXPECT_EQ(rays, 4096u);
     } else {
       EXPECT_EQ(rays, 8192u);

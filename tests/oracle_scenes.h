@@ -103,6 +103,20 @@ inline Scene MakeSlivers(int count, uint64_t seed) {
   return MakeScene(std::move(p), std::move(t));
 }
 
+/// Triangles over one square whose corners' heights differ by a few ulp: seen from afar, t of all of them
+/// rounds to one or two floats, in an order that has nothing to do with their ids.
+inline Scene MakeSheets(int count, uint64_t seed) {
+  Random random(seed);
+  std::vector<Vec3f> p;
+  std::vector<std::array<uint32_t, 3>> t;
+  for (uint32_t i = 0; i < uint32_t(count); ++i) {
+    for (const Vec3f& corner : {Vec3f{-1, -1, 1}, {3, -1, 1}, {-1, 3, 1}})
+      p.push_back(corner + Vec3f{0, 0, float(random.Below(5)) * 0x1p-23f});
+    t.push_back({3 * i, 3 * i + 1, 3 * i + 2});
+  }
+  return MakeScene(std::move(p), std::move(t));
+}
+
 inline rb_ray MakeRay(Vec3f o, Vec3f d, float tnear = 0, float tfar = kInf) {
   return {{o.x, o.y, o.z}, tnear, {d.x, d.y, d.z}, tfar};
 }

@@ -21,10 +21,10 @@ class VerdictTest : public ::testing::TestWithParam<const char*> {
       GTEST_SKIP() << "built without CGAL";
   }
   std::unique_ptr<Oracle> Make(const Scene& scene) const {
-    return std::string(GetParam()) == "cgal" ? MakeCgalOracle(scene) : MakeDoubleOracle(scene);
+    return std::string(GetParam()) == "cgal" ? MakeCgalOracle(scene) : MakeBoxOracle(scene);
   }
 };
-INSTANTIATE_TEST_SUITE_P(Oracles, VerdictTest, ::testing::Values("cgal", "double"),
+INSTANTIATE_TEST_SUITE_P(Oracles, VerdictTest, ::testing::Values("cgal", "boxes"),
                          [](const auto& info) { return std::string(info.param); });
 
 /// One ray and its truth, to be tried with answers.
@@ -224,6 +224,104 @@ TEST_P(VerdictTest, GapsBelowTheArithmeticAreMarginal) {
   }
 }
 
+TEST_P(VerdictTest, StrictIsToTheBit) {
+  const Scene scene = TwoSquares();
+  const auto oracle = Make(scene);
+  const auto strict = [&](const Trial& t, uint32_t prim, float at) {
+    return oracle->IsStrict(t.ray, t.truth, {at, 0, 0, prim});
+  };
+  const float below = std::nextafter(1.0f, 0.0f), above = std::nextafter(1.0f, 2.0f);
+  const Trial edge(*oracle, MakeRay({0, 0.5f, 0.5f}, {1, 0, 0}));
+  EXPECT_TRUE(strict(edge, 0, 1));
+  EXPECT_FALSE(strict(edge, 1, 1));
+  EXPECT_FALSE(strict(edge, 0, above));
+  EXPECT_FALSE(strict(edge, 0, below));
+  EXPECT_FALSE(strict(edge, RAYBENCH_NONE, kInf));
+  const Trial nothing(*oracle, MakeRay({0, 0.5f, 0.5f}, {-1, 0, 0}, 0, 7));
+  EXPECT_TRUE(strict(nothing, RAYBENCH_NONE, 7));
+  EXPECT_FALSE(strict(nothing, RAYBENCH_NONE, 6));
+  EXPECT_FALSE(strict(nothing, 0, 1));
+
+  // In its plane a triangle may be answered or not, but never behind the truth.
+  const Scene corner =
+      MakeScene({{0, 0, 0}, {2, 0, 0}, {0, 2, 0}, {1, 0, -1}, {1, 4, -1}, {1, 0, 1}}, {{0, 1, 2}, {3, 4, 5}});
+  const auto other = Make(corner);
+  const Trial plane(*other, MakeRay({-1, 0.5f, 0}, {1, 0, 0}));
+  ASSERT_EQ(plane.truth.tied, std::vector<uint32_t>{1});
+  EXPECT_EQ(plane.Hit(1, 2), "exact");
+  EXPECT_EQ(plane.Hit(0, 1), "exact");
+  for (const auto& [prim, t, right] : {std::tuple{1u, 2.0f, true}, {0u, 1.0f, true}, {0u, 2.4f, false}})
+    EXPECT_EQ(other->IsStrict(plane.ray, plane.truth, {t, 0, 0, prim}), right) << prim << ' ' << t;
+  EXPECT_FALSE(other->IsStrict(plane.ray, plane.truth, {kInf, 0, 0, RAYBENCH_NONE}));
+}
+
+TEST_P(VerdictTest, RoundedToFloatTheLowestIdIsFirst) {
+  // From far away, t of both squares rounds to one float; the nearer one has the higher id.
+  const float gap = 0x1p-8f;
+  const Scene scene = MakeScene({{gap, 0, 0}, {gap, 1, 0}, {gap, 1, 1}, {0, 0, 0}, {0, 1, 0}, {0, 1, 1}},
+                                {{0, 1, 2}, {3, 4, 5}});
+  const auto oracle = Make(scene);
+  const Trial far(*oracle, MakeRay({-0x1p20f, 0.5f, 0.25f}, {1, 0, 0}));
+  EXPECT_EQ(far.truth.tied, std::vector<uint32_t>{1});
+  EXPECT_EQ(far.truth.first, 0u);
+  EXPECT_EQ(far.truth.t_rounded, 0x1p20f);
+  EXPECT_TRUE(oracle->IsStrict(far.ray, far.truth, {0x1p20f, 0, 0, 0}));
+  EXPECT_FALSE(oracle->IsStrict(far.ray, far.truth, {0x1p20f, 0, 0, 1}));
+  EXPECT_EQ(far.Hit(0, 0x1p20f), "exact");
+  EXPECT_EQ(far.Hit(1, 0x1p20f), "exact");
+  // Just behind tnear: t itself rounds to what no answer may say.
+  const float behind = std::nextafter(0x1p20f, kInf);
+  const Trial start(*oracle, MakeRay({-0x1p20f, 0.5f, 0.25f}, {1, 0, 0}, 0x1p20f));
+  EXPECT_EQ(start.truth.tied, std::vector<uint32_t>{0});
+  EXPECT_EQ(start.truth.t_rounded, behind);
+  EXPECT_EQ(start.Hit(0, behind), "exact");
+  EXPECT_FALSE(oracle->IsStrict(start.ray, start.truth, {0x1p20f, 0, 0, 0}));
+}
+
+/// A square at x = 1 in two triangles that meet at y == z, and behind that edge what `extra` has.
+Scene SquareAnd(std::vector<Vec3f> positions, std::vector<std::array<uint32_t, 3>> extra) {
+  std::vector<Vec3f> p = {{1, 0, 0}, {1, 1, 0}, {1, 1, 1}, {1, 0, 1}};
+  p.insert(p.end(), positions.begin(), positions.end());
+  extra.insert(extra.begin(), {{0, 1, 2}, {0, 2, 3}});
+  return MakeScene(std::move(p), std::move(extra));
+}
+
+TEST_P(VerdictTest, SteepTrianglesBehindExcuseNothing) {
+  // Triangle 2 hangs along the ray, so that its t may be anything from 1 to 20: a fin at the square's
+  // diagonal, or apart from the square. Both are plausible answers, and neither can be seen without a leak.
+  const Scene fin = SquareAnd({{20, 0.5f, 0.5f}}, {{0, 2, 4}}),
+              apart = SquareAnd({{2, 0.4f, 0.4f}, {2, 0.6f, 0.6f}, {20, 0.5f, 0.5f}}, {{4, 5, 6}});
+  for (const Scene* scene : {&fin, &apart}) {
+    const auto oracle = Make(*scene);
+    const Trial edge(*oracle, MakeRay({0, 0.5f, 0.5f}, {1, 1e-9f, 0}));
+    EXPECT_EQ(edge.truth.tied, std::vector<uint32_t>{0});
+    EXPECT_EQ(edge.Hit(1, 1), "neighbour");
+    for (double t : {1.0001, 3.0, 15.0})
+      EXPECT_EQ(edge.Hit(2, t), scene == &fin || t > 2 ? "leak" : "wrong") << t;
+  }
+  // Clear of the square's edges.
+  const Scene beside = SquareAnd({{2, 0.4f, 0.1f}, {2, 0.6f, 0.3f}, {20, 0.5f, 0.2f}}, {{4, 5, 6}});
+  const auto oracle = Make(beside);
+  EXPECT_EQ(Trial(*oracle, MakeRay({0, 0.5f, 0.2f}, {1, 1e-9f, 0})).Hit(2, 3), "wrong");
+}
+
+TEST_P(VerdictTest, TheStepBelowMayBeAnsweredAtTheEdgeOfATread) {
+  // Tread at x = 1 for y > z, riser down to x = 3, the step below for y < z.
+  const Scene stairs = MakeScene({{1, 0, 0}, {1, 1, 0}, {1, 1, 1}, {3, 0, 0}, {3, 1, 1}, {3, 0, 1}},
+                                 {{0, 1, 2}, {0, 2, 4}, {0, 4, 3}, {3, 4, 5}});
+  const auto oracle = Make(stairs);
+  const Trial edge(*oracle, MakeRay({0, 0.5f, 0.5f}, {1, 1e-9f, 0}));
+  EXPECT_EQ(edge.truth.tied, std::vector<uint32_t>{0});
+  EXPECT_EQ(edge.Hit(3, 3), "wrong_marginal");
+  EXPECT_EQ(edge.Hit(1, 1.5), "neighbour");
+  EXPECT_EQ(edge.Miss(), "leak");
+  // The same with the step out of reach.
+  rb_ray until = edge.ray;
+  until.tfar = 2;
+  EXPECT_EQ(Trial(*oracle, until).Miss(), "false_miss_marginal");
+  EXPECT_EQ(Trial(*oracle, MakeRay({0, 0.5f, 0.4f}, {1, 0, 0})).Hit(3, 3), "wrong");
+}
+
 TEST_P(VerdictTest, CountsPercentilesAndRefusesOddSizes) {
   const Scene scene = TwoSquares();
   const auto oracle = Make(scene);
@@ -236,12 +334,15 @@ TEST_P(VerdictTest, CountsPercentilesAndRefusesOddSizes) {
   EXPECT_EQ(counts[Verdict::kExact], 98u);
   EXPECT_EQ(counts[Verdict::kFalseMiss], 1u);
   EXPECT_EQ(counts[Verdict::kWrong], 1u);
+  EXPECT_EQ(counts.strict, 96u);
   EXPECT_EQ(counts.plain_errors(), 2u);
   EXPECT_EQ(counts.t_error_p50, 0);
   EXPECT_EQ(counts.t_error_p99, 2);  // nearest rank of 98: the last but none
   EXPECT_EQ(counts.t_error_max, 2);
   const std::vector<uint8_t> occluded(100, 1);
-  EXPECT_EQ(JudgeAll(*oracle, RB_ANY, rays, truth, {}, occluded, 1)[Verdict::kExact], 100u);
+  const VerdictCounts any = JudgeAll(*oracle, RB_ANY, rays, truth, {}, occluded, 1);
+  EXPECT_EQ(any[Verdict::kExact], 100u);
+  EXPECT_EQ(any.strict, 100u);
   EXPECT_THROW(JudgeAll(*oracle, RB_ANY, rays, truth, hits, {}, 1), InputError);
 }
 
@@ -249,6 +350,7 @@ TEST(Verdicts, BreaksClaim) {
   const auto counts = [](Verdict verdict) {
     VerdictCounts c;
     c.rays = 5, c.by_class[size_t(Verdict::kExact)] = 4, c.by_class[size_t(verdict)] += 1;
+    c.strict = c[Verdict::kExact];
     return c;
   };
   for (int i = 0; i < int(Verdict::kCount); ++i) {
@@ -260,6 +362,10 @@ TEST(Verdicts, BreaksClaim) {
     EXPECT_FALSE(BreaksClaim(RB_CLAIM_INEXACT, counts(v)));
     EXPECT_FALSE(BreaksClaim(RB_CLAIM_NOTHING, counts(v)));
   }
+  VerdictCounts close = counts(Verdict::kExact);
+  close.strict = 4;
+  EXPECT_TRUE(BreaksClaim(RB_CLAIM_EXACT, close));
+  EXPECT_FALSE(BreaksClaim(RB_CLAIM_WATERTIGHT, close));
 }
 
 VerdictCounts JudgeStructure(const Scene& scene, const Oracle& oracle, std::span<const rb_ray> rays,
