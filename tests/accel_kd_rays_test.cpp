@@ -98,7 +98,7 @@ std::vector<Workload> Workloads() {
     for (int a = 0; a < 3; ++a) ray.org[a] = org[a];
     parallel.rays.push_back(ray);
 
-    // From lattice point to lattice point, or between such points a half or an ulp off.
+    // To a lattice point, a half or an ulp off: it lies on planes. From another one, or from anywhere.
     auto lattice = [&] {
       Vec3f p;
       for (int a = 0; a < 3; ++a) {
@@ -108,7 +108,7 @@ std::vector<Workload> Workloads() {
       }
       return p;
     };
-    const Vec3f from = lattice(), to = lattice();
+    const Vec3f to = lattice(), from = random.Below(2) ? lattice() : to + somewhere(9);
     if (from != to) planes.rays.push_back(Towards(from, to));
 
     const float away = std::ldexp(1.0f, int(random.Below(21)));
