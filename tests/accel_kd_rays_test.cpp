@@ -84,7 +84,7 @@ std::vector<Workload> Workloads() {
   Random random(12);
   auto somewhere = [&](float reach) { return ToFloat(random.UnitVector() * (reach * random.NextDouble())); };
   Workload aimed{"aimed", Ball(3), {}}, parallel{"parallel", Ball(3), {}}, planes{"planes", Walls(6), {}},
-      far{"far", Ball(3), {}}, flat{"flat", Sheets(), {}};
+      far{"far", Walls(6), {}}, flat{"flat", Sheets(), {}};
   for (size_t i = 0; i < n; ++i) {
     aimed.rays.push_back(Towards(somewhere(random.Below(2) ? 0.9f : 3), Aim(aimed.mesh, random)));
 
@@ -98,7 +98,7 @@ std::vector<Workload> Workloads() {
     for (int a = 0; a < 3; ++a) ray.org[a] = org[a];
     parallel.rays.push_back(ray);
 
-    // From lattice point to lattice point, or between such points a half or an ulp off.
+    // To a lattice point, a half or an ulp off: it lies on planes. From another one, or from anywhere.
     auto lattice = [&] {
       Vec3f p;
       for (int a = 0; a < 3; ++a) {
@@ -108,11 +108,12 @@ std::vector<Workload> Workloads() {
       }
       return p;
     };
-    const Vec3f from = lattice(), to = lattice();
+    const Vec3f to = lattice(), from = random.Below(2) ? lattice() : to + somewhere(9);
     if (from != to) planes.rays.push_back(Towards(from, to));
 
-    const float away = std::ldexp(1.0f, int(random.Below(21)));
-    far.rays.push_back(Towards(ToFloat(random.UnitVector() * double(away)), Aim(far.mesh, random)));
+    // Where planes of several axes meet: there the error of the distance decides which cell is entered.
+    const double away = std::ldexp(8, int(random.Below(21)));
+    far.rays.push_back(Towards(ToFloat(random.UnitVector() * away), Aim(far.mesh, random)));
     if (random.Below(2)) {  // a direction that float has not rounded to the lattice of far points
       const Vec3f d = ToFloat(Normalize(ToDouble(LoadVec3(far.rays.back().dir))));
       for (int a = 0; a < 3; ++a) far.rays.back().dir[a] = d[a];

@@ -38,7 +38,7 @@ class KdTreeSah : public KdStructure {
          offsetof(Config, axis), 0, 0, 0, double(KdAxisRule::kBest), axes},
         {"clip", kKdClipDoc, RB_BOOL, 0, offsetof(Config, clip), 0, 0, 1, 1, nullptr},
         {"traversal_cost", "cost of a node in units of one leaf block of four primitives", RB_FLOAT, 0,
-         offsetof(Config, traversal_cost), 0, 0, 100, 0.5, nullptr},
+         offsetof(Config, traversal_cost), 0, 0, 100, 1, nullptr},
         {"empty_bonus", "share of the cost forgiven to a plane that cuts off empty space", RB_FLOAT, 0,
          offsetof(Config, empty_bonus), 0, 0, 1, 0.2, nullptr},
         {"leaf_size", kKdLeafSizeDoc, RB_INT, 0, offsetof(Config, leaf_size), 0, 0, 1024, 1, nullptr},
