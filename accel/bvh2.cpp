@@ -3,10 +3,28 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <cstring>
 #include <stdexcept>
 #include <vector>
 
+#include "accel/simd.h"
+
 namespace raybench {
+namespace {
+
+/// The first three lanes of four vectors, one row an axis.
+void Transpose3(Float4 p0, Float4 p1, Float4 p2, Float4 p3, float (&rows)[3][4]) {
+  const Float4 xy01 = __builtin_shufflevector(p0, p1, 0, 4, 1, 5),
+               xy23 = __builtin_shufflevector(p2, p3, 0, 4, 1, 5),
+               z01 = __builtin_shufflevector(p0, p1, 2, 6, 2, 6),
+               z23 = __builtin_shufflevector(p2, p3, 2, 6, 2, 6);
+  const Float4 out[3] = {__builtin_shufflevector(xy01, xy23, 0, 1, 4, 5),
+                         __builtin_shufflevector(xy01, xy23, 2, 3, 6, 7),
+                         __builtin_shufflevector(z01, z23, 0, 1, 4, 5)};
+  std::memcpy(rows, out, sizeof out);
+}
+
+}  // namespace
 
 Bvh2::Bvh2(const rb_geometry& geometry, const BinaryTree& tree)
     : geometry_(geometry), clipped_(tree.clipped) {
@@ -67,16 +85,34 @@ Bvh2::Bvh2(const rb_geometry& geometry, const BinaryTree& tree)
     }
   });
   tbb::parallel_for(tbb::blocked_range<size_t>(0, leaves.size(), 1024), [&](const auto& range) {
+    // Vertices stand anywhere: asked for some leaves ahead, in two steps, since their numbers do too.
+    constexpr size_t kAhead = 8;
+    auto each_triangle = [&](size_t leaf, auto&& fn) {
+      if (leaf >= range.end()) return;
+      const BuildNode& from = tree.nodes[leaves[leaf].slot];
+      for (uint32_t k = 0; k < from.count; ++k) {
+        const uint32_t prim = tree.order[from.first + k];
+        if (prim < geometry.triangle_count) fn(geometry.triangles[prim]);
+      }
+    };
     for (size_t i = range.begin(); i < range.end(); ++i) {
+      each_triangle(i + 2 * kAhead, [](const uint32_t* corners) { __builtin_prefetch(corners); });
+      each_triangle(i + kAhead, [&](const uint32_t* corners) {
+        for (int c = 0; c < 3; ++c) __builtin_prefetch(geometry.positions[corners[c]]);
+      });
       const BuildNode& leaf = tree.nodes[leaves[i].slot];
-      const uint32_t padded = (leaf.count + kLanes - 1) / kLanes * kLanes;
-      for (uint32_t k = 0; k < padded; ++k) {
-        const uint32_t prim = tree.order[leaf.first + std::min(k, leaf.count - 1)];
+      const uint32_t last = leaf.count - 1;
+      for (uint32_t k = 0; k < leaf.count; k += kLanes) {
         Block& block = blocks_[leaves[i].block + k / kLanes];
-        block.prim[k % kLanes] = prim;
+        for (uint32_t lane = 0; lane < kLanes; ++lane)
+          block.prim[lane] = tree.order[leaf.first + std::min(k + lane, last)];
         for (int c = 0; c < 3; ++c) {
-          const Vec3f v = prim < geometry.triangle_count ? Vertex(geometry, prim, c) : Vec3f{0, 0, 0};
-          for (int a = 0; a < 3; ++a) block.v[c][a][k % kLanes] = v[a];
+          auto corner = [&](int lane) {
+            const uint32_t prim = block.prim[lane];
+            return prim < geometry.triangle_count ? Load4(geometry.positions[geometry.triangles[prim][c]])
+                                                  : Float4{};
+          };
+          Transpose3(corner(0), corner(1), corner(2), corner(3), block.v[c]);
         }
       }
     }

@@ -1,5 +1,7 @@
 #include "accel/morton.h"
 
+#include <tbb/parallel_sort.h>
+
 #include "accel/radix_sort.h"
 
 namespace raybench {
@@ -29,7 +31,23 @@ HugeArray<MortonItem> SortByMorton(const HugeArray<Record>& records, const Box4&
       items[i] = {code, uint32_t(i)};
     }
   });
-  RadixSort(items, scratch, kMortonBits, [](const MortonItem& item) { return item.code; });
+  // The high half puts nearly all in place; few items agree in it.
+  constexpr int kLowBits = 30;
+  auto high = [&](size_t i) { return items[i].code >> kLowBits; };
+  RadixSort(items, scratch, kMortonBits - kLowBits,
+            [](const MortonItem& item) { return item.code >> kLowBits; });
+  ForBlocks(0, items.size(), [&](size_t begin, size_t end) {
+    for (size_t i = begin; i < end;) {
+      size_t next = i + 1;
+      while (next < items.size() && high(next) == high(i)) ++next;
+      // A run belongs to the block in which it begins.
+      if (next > i + 1 && (i != begin || i == 0 || high(i - 1) != high(i)))
+        tbb::parallel_sort(&items[i], &items[i] + (next - i), [](const MortonItem& a, const MortonItem& b) {
+          return a.code != b.code ? a.code < b.code : a.prim < b.prim;
+        });
+      i = next;
+    }
+  });
   return items;
 }
 
