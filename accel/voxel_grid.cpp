@@ -50,8 +50,8 @@ class Builder {
     std::vector<uint32_t> all(insertion_.size());
     for (size_t i = 0; i < all.size(); ++i) all[i] = uint32_t(i);
     Part part;
-    part.level = Choose(insertion_.Scene(), all, true);
-    Build(all, 1, part);
+    part.level = Choose(insertion_.Scene(), all, grid_.references, true);
+    Build(all, 1, grid_.references, part);
     return part;
   }
 
@@ -149,10 +149,10 @@ class Builder {
     }
   }
 
-  Level Choose(const Bounds3& box, std::span<const uint32_t> prims, bool outermost) const {
+  Level Choose(const Bounds3& box, std::span<const uint32_t> prims, double references, bool outermost) const {
     // By the rule, and ever coarser while primitives would stand in too many cells: what many large
     // primitives cost is bounded by this. Exact overlap leaves some out, but has to look at all.
-    const double allowed = grid_.references * (grid_.exact ? 4 : 1) * double(prims.size());
+    const double allowed = references * (grid_.exact ? 4 : 1) * double(prims.size());
     for (double cells = std::max(1.0, grid_.density * double(prims.size()));; cells /= 2) {
       int32_t res[3];
       Rule(box, cells, res);
@@ -179,8 +179,9 @@ class Builder {
       throw std::runtime_error("more than 2^32 references: lower the resolution");
   }
 
-  /// Fills part.level with the primitives.
-  void Build(std::span<const uint32_t> prims, uint32_t depth, Part& part) {
+  /// Fills part.level with the primitives, each of which may be referred to `allowed` times on average by all
+  /// that is built here: what a level takes of that is not there for the grids inside.
+  void Build(std::span<const uint32_t> prims, uint32_t depth, double allowed, Part& part) {
     const Level& level = part.level;
     const uint64_t cells = level.Cells();
     if (cells >= kMostReferences || level.Tiles() >= (uint64_t{1} << 31))
@@ -237,7 +238,8 @@ class Builder {
         }
       });
     }
-    if (depth < grid_.levels && cells > 1) BuildInside(depth, part);
+    const double left = allowed * double(prims.size()) / double(std::max<uint64_t>(references, 1));
+    if (depth < grid_.levels && cells > 1 && left > 1) BuildInside(depth, left, part);
   }
 
   /// fn(tile, bit, dense index) for every cell, tile by tile, in the order of bits.
@@ -271,7 +273,7 @@ class Builder {
   }
 
   /// Grids inside cells that hold too many.
-  void BuildInside(uint32_t depth, Part& part) {
+  void BuildInside(uint32_t depth, double references, Part& part) {
     struct Candidate {
       size_t cell;
       Bounds3 box;
@@ -294,8 +296,8 @@ class Builder {
       for (size_t i = range.begin(); i < range.end(); ++i) {
         const VoxelGrid::Cell& cell = part.cells[candidates[i].cell];
         const auto held = std::span(part.refs).subspan(cell.first, cell.count);
-        inside[i].level = Choose(candidates[i].box, held, false);
-        if (Pays(inside[i].level, held)) Build(held, depth + 1, inside[i]);
+        inside[i].level = Choose(candidates[i].box, held, references, false);
+        if (Pays(inside[i].level, held)) Build(held, depth + 1, references, inside[i]);
       }
     });
     for (size_t i = 0; i < inside.size(); ++i) {

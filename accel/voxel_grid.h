@@ -46,9 +46,9 @@ struct GridOptions {
   uint32_t resolution[3] = {0, 0, 0};  ///< of the outermost grid; 0: by the rule
   bool exact = false;                  ///< insertion by overlap, else by bounds
   bool padded = true;                  ///< conservative insertion
-  double references = 8;  ///< most references per primitive that a resolution by the rule may give, by bounds
-  uint32_t levels = 1;    ///< of grids inside each other, >= 1
-  uint32_t leaf_size = 8;  ///< cells with more primitives get a grid, as long as there are levels
+  double references = 8;               ///< most references per primitive, where resolutions are by the rule
+  uint32_t levels = 1;                 ///< of grids inside each other, >= 1
+  uint32_t leaf_size = 8;              ///< cells with more primitives get a grid, as long as there are levels
 };
 
 class VoxelGrid {
@@ -114,7 +114,10 @@ class VoxelGrid {
     uint64_t Tiles() const { return uint64_t(tile_stride[2]) * uint64_t((res[2] + 3) / 4); }
     /// Index of the cell along axis a at coordinate x, outside the box that of the nearest.
     int32_t Index(int a, double x) const {
-      return int32_t(std::min(std::max((x - lo[a]) * inv[a], 0.0), double(res[a] - 1)));
+      auto i = int32_t(std::min(std::max((x - lo[a]) * inv[a], 0.0), double(res[a] - 1)));
+      // Walls are what is computed from their index; the product may have been rounded across one.
+      if (i > 0 && x < lo[a] + i * width[a]) return i - 1;
+      return i + 1 < res[a] && x >= lo[a] + (i + 1) * width[a] ? i + 1 : i;
     }
     /// Lower wall of cell i; the upper end for i == res.
     float Wall(int a, int32_t i) const { return i == res[a] ? box.hi[a] : float(lo[a] + i * width[a]); }

@@ -151,7 +151,9 @@ TEST_P(SpacePartition, AnswersAsBruteForceBitForBit) {
   for (const char* spec :
        {"grid", "grid(resolution_x=16,resolution_y=16,resolution_z=16", "grid(density=30,mailbox=true",
         "grid(rule=regular,insertion=exact,density=10", "grid_recursive(leaf_size=1,levels=3,density=1",
-        "grid_recursive(leaf_size=2,levels=4,density=1,insertion=exact,mailbox=true"}) {
+        "grid_recursive(leaf_size=2,levels=4,density=1,insertion=exact,mailbox=true", "octree(leaf_size=1",
+        "quadtree", "quadtree(axis=x,leaf_size=1", "quadtree(insertion=exact,growth=5,depth=5,leaf_size=2",
+        "octree(growth=9,depth=7,leaf_size=2,insertion=exact"}) {
     // Where triangles themselves decide, not their bounds, t computed in float may lie in another cell.
     if (numerics == "watertight" && std::strstr(spec, "exact") != nullptr) continue;
     const std::string name =
