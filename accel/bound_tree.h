@@ -52,7 +52,7 @@ class BoundTree {
       right.push_back(from.count > 0 ? blocks : kNone);
       if (from.count > 0) {
         if (from.count > kMaxLeaf) throw std::runtime_error("a leaf has too many primitives");
-        blocks += LeafBlocks::BlocksFor(from.count);
+        blocks += uint32_t(LeafBlocks::BlocksOf(from.count));
       } else {
         stack.push_back({from.right, place, p.depth + 1});
         stack.push_back({p.slot + 1, kNone, p.depth + 1});
@@ -75,7 +75,7 @@ class BoundTree {
         const bool is_leaf = leaf_size[i] > 0;
         nodes_[i].next = right[i], nodes_[i].count = leaf_size[i];
         if (is_leaf || !kMerges) nodes_[i].bound = Bound::Around(geometry, prims, sources[i].count, padded);
-        if (is_leaf) leaves_.Fill(right[i], prims, leaf_size[i]);
+        if (is_leaf) leaves_.Fill(right[i], {prims, leaf_size[i]});
       }
     });
     if constexpr (kMerges) {
@@ -149,7 +149,9 @@ class BoundTree {
       counter.Step(sizeof(Node));
       if (node.count > 0) {
         counter.Leaf(false);
-        if (leaves_.Intersect<kProcedural, kAnyHit>(node.next, node.count, state, best, counter) && kAnyHit)
+        if (leaves_.Intersect<kProcedural, kAnyHit>(node.next, node.count, state, best, counter,
+                                                    NoMailbox{}) &&
+            kAnyHit)
           return;
       } else {
         Entry left{at.node + 1, 0}, right{node.next, 0};

@@ -191,7 +191,7 @@ class EmbreeTopology {
         ref = kLeaf | uint32_t(leaves_.size());
         leaves_.push_back({blocks, p.made->count});
         made_leaves.push_back(static_cast<const MadeLeaf*>(p.made));
-        blocks += LeafBlocks::BlocksFor(p.made->count);
+        blocks += uint32_t(LeafBlocks::BlocksOf(p.made->count));
       } else {
         const auto& made = static_cast<const MadeNode&>(*p.made);
         ref = uint32_t(nodes_.size());
@@ -211,7 +211,7 @@ class EmbreeTopology {
     }
     blocks_ = LeafBlocks(geometry, blocks);
     for (size_t i = 0; i < leaves_.size(); ++i)
-      blocks_.Fill(leaves_[i].block, made_leaves[i]->prims, leaves_[i].count);
+      blocks_.Fill(leaves_[i].block, {made_leaves[i]->prims, leaves_[i].count});
   }
 
   template <bool kProcedural, bool kAnyHit, class Test, class Counter>
@@ -231,7 +231,9 @@ class EmbreeTopology {
         const Leaf& leaf = leaves_[at.ref & ~kLeaf];
         counter.Step(sizeof(Leaf));
         counter.Leaf(false);
-        if (blocks_.Intersect<kProcedural, kAnyHit>(leaf.block, leaf.count, ray, best, counter) && kAnyHit)
+        if (blocks_.Intersect<kProcedural, kAnyHit>(leaf.block, leaf.count, ray, best, counter,
+                                                    NoMailbox{}) &&
+            kAnyHit)
           return;
         continue;
       }
