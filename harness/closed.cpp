@@ -387,7 +387,7 @@ void FillClosedBatch(const Scene& scene, std::span<const MeshEdge> edges, const 
 }
 
 int RunClosed(const Registry& registry, const VerifyOptions& options) {
-  std::vector<Contestant> contestants = VerifyContestants(registry, options.structures);
+  std::vector<Contestant> contestants = EveryArithmetic(registry, options.structures);
   if (options.structures.empty())
     std::erase_if(contestants,
                   [](const Contestant& c) { return (c.structure->capabilities & RB_LINEAR) != 0; });

@@ -34,7 +34,8 @@ void AddOptions(CLI::App& command, ExtremesArguments& arguments) {
       ->type_name("A,B");
   command
       .add_option("--structures", arguments.structures,
-                  "Such as bvh_sah,embree(robust=true); default: all, at each of their numerics")
+                  "Such as bvh_sah,embree(robust=true); default: one of each family, at each of its "
+                  "numerics; all: every one")
       ->type_name("A,B(X=1)");
   command.add_option("--rays", options.rays, "Rays at a point; default 2K, quick 256")
       ->transform(CLI::AsSizeValue(false))

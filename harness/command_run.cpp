@@ -22,7 +22,8 @@ void AddOptions(CLI::App& command, RunArguments& arguments) {
   command.add_option("scenes", run.scenes, "Files, generators or fetched models (see: raybench list scenes)")
       ->type_name("SCENE");
   command
-      .add_option("--structures", arguments.structures, "Such as bvh_sah,embree(robust=true); default: all")
+      .add_option("--structures", arguments.structures,
+                  "Such as bvh_sah,embree(robust=true); default: one of each family; all: every one")
       ->type_name("A,B(X=1)");
   command.add_flag("--quick", run.quick, "Fewer rays and repetitions: within a minute");
   command.add_option("--out", run.out, "Result folder; default: results/<UTC time>")->type_name("DIR");

@@ -54,7 +54,8 @@ void AddOptions(CLI::App& command, VerifyArguments& arguments) {
       ->type_name("SCENE");
   command
       .add_option("--structures", arguments.structures,
-                  "Such as bvh_sah,embree(robust=true); default: all, at each value of numerics and robust")
+                  "Such as bvh_sah,embree(robust=true); default: one of each family, at each value of "
+                  "numerics and robust; all: every one")
       ->type_name("A,B(X=1)");
   CLI::Option* rays =
       command

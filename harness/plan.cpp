@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <set>
+#include <span>
 
 #include "datasets/hash.h"
 #include "datasets/random.h"
@@ -22,9 +23,29 @@ std::string Case::Id() const {
   return hash.Hex();
 }
 
+namespace {
+
+/// One structure of each family; the rest is asked for by name.
+constexpr std::string_view kFamilies[] = {"brute", "bvh_sah",    "embree", "grid",
+                                          "kdop",  "kdtree_sah", "null",   "octree"};
+
+bool IsEvery(const std::vector<std::string>& specs) { return specs.size() == 1 && specs[0] == "all"; }
+
+std::vector<const rb_structure*> ChooseStructures(const Registry& registry, bool all) {
+  std::vector<const rb_structure*> chosen;
+  for (const rb_structure* s : registry.structures()) {
+    const bool is_family =
+        std::find(std::begin(kFamilies), std::end(kFamilies), s->name) != std::end(kFamilies);
+    if (all || is_family || !registry.OriginOf(*s).empty()) chosen.push_back(s);
+  }
+  return chosen;
+}
+
+}  // namespace
+
 std::vector<Contestant> ChooseContestants(const Registry& registry, const std::vector<std::string>& specs) {
   std::vector<Contestant> chosen;
-  if (!specs.empty()) {
+  if (!specs.empty() && !IsEvery(specs)) {
     std::set<std::string> seen;
     for (const std::string& spec : specs) {
       chosen.push_back(ParseContestant(registry, spec));
@@ -34,14 +55,37 @@ std::vector<Contestant> ChooseContestants(const Registry& registry, const std::v
     }
     return chosen;
   }
-  // Speed without robustness, and robustness without ours: the two ends that the defaults lie between.
+  // What accuracy costs and brings: the ends that the defaults lie between.
   const std::pair<std::string_view, const char*> variants[] = {{"bvh_sah", "bvh_sah(numerics=fast)"},
+                                                               {"bvh_sah", "bvh_sah(numerics=exact)"},
                                                                {"embree", "embree(robust=true)"}};
-  for (const rb_structure* structure : registry.structures()) {
+  for (const rb_structure* structure : ChooseStructures(registry, IsEvery(specs))) {
     chosen.push_back(ParseContestant(registry, structure->name));
     for (auto [name, spec] : variants) {
       if (name == structure->name) chosen.push_back(ParseContestant(registry, spec));
     }
+  }
+  return chosen;
+}
+
+std::vector<Contestant> EveryArithmetic(const Registry& registry, const std::vector<std::string>& specs) {
+  if (!specs.empty() && !IsEvery(specs)) return ChooseContestants(registry, specs);
+  std::vector<Contestant> chosen;
+  for (const rb_structure* s : ChooseStructures(registry, IsEvery(specs))) {
+    if (std::string_view(s->name) == "null") continue;  // always misses
+    std::vector<std::string> variants;
+    for (const rb_param& p : std::span(s->params, s->param_count)) {
+      const std::string_view name = p.name;
+      if (p.type == RB_CHOICE && name == "numerics") {
+        for (const char* const* choice = p.choices; *choice != nullptr; ++choice)
+          variants.push_back(fmt::format("{}(numerics={})", s->name, *choice));
+      } else if (p.type == RB_BOOL && name == "robust") {
+        for (const char* value : {"false", "true"})
+          variants.push_back(fmt::format("{}(robust={})", s->name, value));
+      }
+    }
+    if (variants.empty()) variants.push_back(s->name);
+    for (const std::string& spec : variants) chosen.push_back(ParseContestant(registry, spec));
   }
   return chosen;
 }

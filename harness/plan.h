@@ -29,7 +29,7 @@ struct Case {
 /// What `raybench run` was asked for. A zero stands for "the default", which depends on `quick`.
 struct RunOptions {
   std::vector<std::string> scenes;      ///< empty: the default scenes
-  std::vector<std::string> structures;  ///< specs; empty: DefaultContestants()
+  std::vector<std::string> structures;  ///< as ChooseContestants() takes them
   std::vector<std::string> sets;        ///< ray sets to capture, by label or kind; empty: all
   std::vector<std::string> ray_files;   ///< .rays files or folders of them, replayed instead of captured sets
   std::vector<std::string> plugins;     ///< already loaded; recorded
@@ -52,9 +52,14 @@ struct RunOptions {
 inline constexpr const char* kDefaultModel = "engine";
 inline constexpr const char* kDefaultGenerators[] = {"sphereflake", "stadium"};
 
-/// The named structures, or every registered one at its defaults with the variants worth seeing beside them.
-/// Throws InputError: unknown, or given twice.
+/// The named structures. Without names one of each family and what plugins brought, and with "all" alone
+/// every registered one, at their defaults with the variants worth seeing beside them. Throws InputError:
+/// unknown, or given twice.
 std::vector<Contestant> ChooseContestants(const Registry& registry, const std::vector<std::string>& specs);
+
+/// The same, but what is not named comes at each value of its parameters `numerics` and `robust`, and without
+/// `null`.
+std::vector<Contestant> EveryArithmetic(const Registry& registry, const std::vector<std::string>& specs);
 
 /// Half-open evenly spaced strata with one seeded pick in each: `count` distinct indices below `n`,
 /// ascending; all of them if count >= n.

@@ -84,7 +84,7 @@ class Verification {
       : registry_(registry), options_(options) {}
 
   int Go() {
-    contestants_ = VerifyContestants(registry_, options_.structures);
+    contestants_ = EveryArithmetic(registry_, options_.structures);
     CheckAimedSetNames(options_.sets);
     CheckOut();
     const std::vector<std::string> files = RayFiles(options_.ray_files);
@@ -437,35 +437,12 @@ class Verification {
 
 }  // namespace
 
-std::vector<Contestant> VerifyContestants(const Registry& registry, const std::vector<std::string>& specs) {
-  if (!specs.empty()) return ChooseContestants(registry, specs);
-  std::vector<Contestant> chosen;
-  for (const rb_structure* structure : registry.structures()) {
-    if (std::string_view(structure->name) == "null") continue;
-    std::vector<std::string> values = {""};
-    for (uint32_t p = 0; p < structure->param_count; ++p) {
-      const rb_param& param = structure->params[p];
-      const std::string_view name = param.name;
-      if (name == "numerics" && param.type == RB_CHOICE) {
-        values.clear();
-        for (const char* const* choice = param.choices; *choice != nullptr; ++choice)
-          values.push_back(fmt::format("(numerics={})", *choice));
-      } else if (name == "robust" && param.type == RB_BOOL) {
-        values = {"(robust=false)", "(robust=true)"};
-      }
-    }
-    for (const std::string& value : values)
-      chosen.push_back(ParseContestant(registry, structure->name + value));
-  }
-  return chosen;
-}
-
 int RunVerify(const Registry& registry, const VerifyOptions& options) {
   return Verification(registry, options).Go();
 }
 
 int ReplayOneRay(const Registry& registry, const VerifyOptions& options, const rb_ray& ray) {
-  const std::vector<Contestant> contestants = VerifyContestants(registry, options.structures);
+  const std::vector<Contestant> contestants = EveryArithmetic(registry, options.structures);
   LoadOptions load;
   load.seed = options.seed, load.drop_bad = options.drop_bad;
   const Scene scene = LoadWithProgress(options.scenes.at(0), load);

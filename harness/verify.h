@@ -13,7 +13,7 @@ namespace raybench {
 
 struct VerifyOptions {
   std::vector<std::string> scenes;
-  std::vector<std::string> structures;  ///< specs; empty: VerifyContestants()
+  std::vector<std::string> structures;  ///< as EveryArithmetic() takes them
   std::vector<std::string> sets;        ///< of AimedSetNames(); empty: all
   std::vector<std::string> ray_files;   ///< .rays files or folders of them, judged instead of the sets
   std::vector<std::string> plugins;     ///< already loaded; repeated in the commands that replay a ray
@@ -30,10 +30,6 @@ struct VerifyOptions {
 
   uint64_t RaysPerSet() const { return rays != 0 ? rays : 1u << 15; }
 };
-
-/// Every registered structure but `null`, at each value of its parameters `numerics` and `robust` where it
-/// has them; or the named ones. Throws InputError: unknown, or given twice.
-std::vector<Contestant> VerifyContestants(const Registry& registry, const std::vector<std::string>& specs);
 
 /// Judges, prints the tables to stdout and everything else to stderr, writes files if asked to. Returns the
 /// exit code: 0; 1 if a claim, the contract or a tree is broken; 3 if a structure could not be built; 130 if

@@ -86,7 +86,7 @@ TEST(Registry, KnowsEveryBuiltinOnceAndFindsByName) {
   Registry registry;
   for (const rb_structure* s : registry.structures()) EXPECT_EQ(&registry.Find(s->name), s);
   for (const char* name : {"null", "brute", "bvh_sah"}) EXPECT_NO_THROW(registry.Find(name)) << name;
-  EXPECT_THAT(ErrorOf([&] { registry.Find("kdtree"); }), HasSubstr("known: brute, bvh_"));
+  EXPECT_THAT(ErrorOf([&] { registry.Find("kdtree"); }), HasSubstr("known: bounds_flat, brute, bvh_"));
   EXPECT_THAT(ErrorOf([&] { registry.LoadPlugin("no_such_plugin.so"); }), HasSubstr("no_such_plugin.so"));
 }
 

@@ -185,7 +185,7 @@ class PointRun {
     std::string flaw;
     if (const auto statistics = ReadTree(e.tree, geometry_)) {
       e.row["depth"] = statistics->depth;
-      flaw = statistics->enclosure_flaw;
+      flaw = statistics->flaw;
     }
     e.rays.assign(work_.rays.begin(),
                   work_.rays.begin() + long(RaysFor(*e.contestant, work_.scene, work_.rays.size())));
@@ -288,27 +288,6 @@ double BinomialCdf(uint64_t k, uint64_t n, double p) {
 }  // namespace
 
 std::span<const char* const> Columns() { return kColumns; }
-
-std::vector<Contestant> EveryArithmetic(const Registry& registry) {
-  std::vector<Contestant> all;
-  for (const rb_structure* s : registry.structures()) {
-    if (std::string_view(s->name) == "null") continue;  // always misses
-    std::vector<std::string> specs;
-    for (uint32_t i = 0; i < s->param_count; ++i) {
-      const rb_param& p = s->params[i];
-      if (p.type == RB_CHOICE && std::string_view(p.name) == "numerics") {
-        for (uint32_t c = 0; p.choices[c] != nullptr; ++c)
-          specs.push_back(fmt::format("{}(numerics={})", s->name, p.choices[c]));
-      } else if (p.type == RB_BOOL && std::string_view(p.name) == "robust") {
-        for (const char* value : {"false", "true"})
-          specs.push_back(fmt::format("{}(robust={})", s->name, value));
-      }
-    }
-    if (specs.empty()) specs.push_back(s->name);
-    for (const std::string& spec : specs) all.push_back(ParseContestant(registry, spec));
-  }
-  return all;
-}
 
 std::vector<Json> MeasurePoint(const Suite& suite, const Point& point,
                                const std::vector<Contestant>& contestants, const PointOptions& options) {

@@ -13,10 +13,6 @@ namespace raybench::extremes {
 /// The columns of extremes.csv in order (reports/README.md).
 std::span<const char* const> Columns();
 
-/// Every structure but `null`, at each value of its parameter `numerics`, and with each value of its switch
-/// `robust`, where it has them.
-std::vector<Contestant> EveryArithmetic(const Registry& registry);
-
 struct PointOptions {
   uint64_t rays = 2048, seed = 1;
   std::function<void(const std::string& what)> progress;  ///< may be empty

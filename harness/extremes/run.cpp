@@ -48,8 +48,7 @@ class ExtremesRun {
 
   int Go() {
     ChooseSuites();
-    contestants_ = options_.structures.empty() ? EveryArithmetic(registry_)
-                                               : ChooseContestants(registry_, options_.structures);
+    contestants_ = EveryArithmetic(registry_, options_.structures);
     MakeFolder();
     started_ = UtcTime("%Y-%m-%dT%H:%M:%SZ");
     bool interrupted = false;

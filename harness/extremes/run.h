@@ -10,7 +10,7 @@ namespace raybench::extremes {
 
 struct Options {
   std::vector<std::string> suites;      ///< empty: all
-  std::vector<std::string> structures;  ///< specs; empty: EveryArithmetic()
+  std::vector<std::string> structures;  ///< as EveryArithmetic() takes them
   std::vector<std::string> plugins, command_line;
   uint64_t rays = 0;  ///< at a point; 0: the default, which depends on `quick`
   uint64_t seed = 1;
