@@ -30,7 +30,8 @@ How to read the table: every answer is compared with exact geometry.
               interval, where the exact geometry lies within float's error
   t error     median, 99 % and maximum, in units in the last place of float
   leak rate, plain rate   upper bounds at 95 %: no event among n rays means that the rate is below 3/n
-A structure that claims watertight may have no leak and no plain error; one that claims exact only exact.
+A structure that claims watertight may have no leak and no plain error; one that claims exact only exact,
+to the bit.
 
 --closed N fires N rays from points inside a closed mesh at its edges and vertices. Whatever such a ray does, it hits;
 so a miss is a leak, and no truth is needed: it runs nearly as fast as the structure. --ledger FILE adds up over runs of
