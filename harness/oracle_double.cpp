@@ -198,10 +198,11 @@ class DoubleOracle final : public JudgingOracle {
   std::vector<Found> Collect(const rb_ray& ray, bool& coplanar) const {
     std::vector<Found> found;
     coplanar = false;
-    if (!(ray.tnear < ray.tfar)) return found;
+    const float tfar = LastT(ray);
+    if (!(ray.tnear < tfar)) return found;
     const Vec3d o = ToDouble(LoadVec3(ray.org)), d = ToDouble(LoadVec3(ray.dir));
     const auto take = [&](uint32_t prim, double t, Feature feature) {
-      if (t > ray.tnear && t <= ray.tfar) found.push_back({{prim, t}, feature});
+      if (t > ray.tnear && t <= tfar) found.push_back({{prim, t}, feature});
     };
     for (uint32_t i = 0; i < scene_.triangles.size(); ++i) {
       Vec3d p[3];
@@ -224,7 +225,7 @@ class DoubleOracle final : public JudgingOracle {
         const exact::Line line(ray);
         const exact::Corners corners{p[0] + o, p[1] + o, p[2] + o};
         coplanar |= exact::Meet(line, corners) == exact::Meeting::kInPlane &&
-                    exact::MeetsInPlane(line, corners, ray.tnear, ray.tfar);
+                    exact::MeetsInPlane(line, corners, ray.tnear, tfar);
         continue;
       }
       const Vec3d normal = Cross(p[1] - p[0], p[2] - p[0]);
