@@ -272,7 +272,8 @@ class CgalOracle final : public JudgingOracle {
   std::vector<Crossing> Crossings(const rb_ray& ray, bool& coplanar) const {
     std::vector<Crossing> crossings;
     coplanar = false;
-    if (!(ray.tnear < ray.tfar)) return crossings;
+    const float tfar = LastT(ray);
+    if (!(ray.tnear < tfar)) return crossings;
     const exact::Line line(ray);
     for (const uint32_t prim : Candidates(ray)) {
       const exact::Corners p = Corners(prim);
@@ -281,15 +282,14 @@ class CgalOracle final : public JudgingOracle {
         throw std::logic_error("oracle: CGAL meets triangle " + std::to_string(prim) +
                                " where the exact signs do not");
       if (meeting == Meeting::kInPlane) {
-        coplanar = coplanar || exact::MeetsInPlane(line, p, ray.tnear, ray.tfar);
+        coplanar = coplanar || exact::MeetsInPlane(line, p, ray.tnear, tfar);
         continue;
       }
       const auto [t, error] = exact::PlaneApproximate(line, p);
-      bool inside = t - error > ray.tnear && t + error <= ray.tfar;
-      if (!inside && t + error > ray.tnear && t - error <= ray.tfar) {
+      bool inside = t - error > ray.tnear && t + error <= tfar;
+      if (!inside && t + error > ray.tnear && t - error <= tfar) {
         const exact::Ratio ratio = exact::PlaneRatio(line, p);
-        inside = exact::Compare(ratio, ray.tnear) > 0 &&
-                 (std::isinf(ray.tfar) || exact::Compare(ratio, ray.tfar) <= 0);
+        inside = exact::Compare(ratio, ray.tnear) > 0 && exact::Compare(ratio, tfar) <= 0;
       }
       if (inside) crossings.push_back({prim, meeting, t, error});
     }

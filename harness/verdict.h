@@ -1,9 +1,11 @@
 // Private to the oracles: what they share to judge answers. The rules stand at the top of verdict.cpp.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -39,6 +41,10 @@ struct TrueHit {
   uint32_t prim;
   double t;
 };
+
+/// Where the ray ends: at tfar, or where t is no float any more. By the contract a hit with no finite t is
+/// none.
+inline float LastT(const rb_ray& ray) { return std::min(ray.tfar, std::numeric_limits<float>::max()); }
 
 /// An oracle that can list true hits and near misses; judging follows from these.
 class JudgingOracle : public Oracle {
