@@ -15,10 +15,13 @@
 namespace raybench::extremes {
 namespace {
 
-/// `brute` gets as many rays as make this many tests in a pass, but never fewer than kFewestRays.
-constexpr double kBruteTests = 0x1p20;
+/// What is linear (RB_LINEAR) gets as many rays as look at this many primitives in a pass, but never fewer
+/// than kFewestRays.
+constexpr double kLinearBudget = 0x1p20;
 constexpr uint64_t kFewestRays = 16;
 constexpr int kPasses = 3;
+/// A tree whose pass lasts longer than this is passed once.
+constexpr double kLongPassSeconds = 0.1;
 
 constexpr const char* kColumns[] = {"suite",
                                     "variant",
@@ -84,8 +87,8 @@ struct Entrant {
 };
 
 uint64_t RaysFor(const Contestant& contestant, const Scene& scene, uint64_t rays) {
-  if (std::string_view(contestant.structure->name) != "brute") return rays;
-  const auto affordable = uint64_t(kBruteTests / double(std::max<uint64_t>(1, scene.primitive_count())));
+  if ((contestant.structure->capabilities & RB_LINEAR) == 0) return rays;
+  const auto affordable = uint64_t(kLinearBudget / double(std::max<uint64_t>(1, scene.primitive_count())));
   return std::min(rays, std::max(kFewestRays, affordable));
 }
 
@@ -251,7 +254,7 @@ class PointRun {
   void Time() {
     for (int pass = 0; pass < kPasses; ++pass) {
       for (Entrant& e : entrants_) {
-        if (!e.tree) continue;
+        if (!e.tree || (pass > 0 && e.pass_ns[0] * double(e.rays.size()) > kLongPassSeconds * 1e9)) continue;
         ThrowIfInterrupted();
         const Pinned pinned(true);
         const Stopwatch watch(/*process=*/false);
