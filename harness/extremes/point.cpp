@@ -240,12 +240,12 @@ class PointRun {
     }
     e.row["failures"] = failures;
     e.row["failure_rate"] = double(failures) / double(e.rays.size());
-    e.row["failure_bound"] = UpperBound(failures, e.rays.size());
+    e.row["failure_bound"] = UpperRate(failures, e.rays.size());
     if (work_.second) {
       e.row["second_rays"] = second_rays;
       e.row["second"] = second;
       if (second_rays > 0) e.row["second_rate"] = double(second) / double(second_rays);
-      e.row["second_bound"] = UpperBound(second, second_rays);
+      e.row["second_bound"] = UpperRate(second, second_rays);
     }
     if (!flaw.empty()) e.row["status"] = "broken", e.row["note"] = flaw;
   }
@@ -276,18 +276,6 @@ class PointRun {
   std::vector<Truth> truth_;
 };
 
-/// P(X <= k) for X binomial with n trials of probability p.
-double BinomialCdf(uint64_t k, uint64_t n, double p) {
-  const double log_p = std::log(p), log_q = std::log1p(-p);
-  double sum = 0;
-  for (uint64_t i = 0; i <= k; ++i) {
-    const double ways =
-        std::lgamma(double(n) + 1) - std::lgamma(double(i) + 1) - std::lgamma(double(n - i) + 1);
-    sum += std::exp(ways + double(i) * log_p + double(n - i) * log_q);
-  }
-  return sum;
-}
-
 }  // namespace
 
 std::span<const char* const> Columns() { return kColumns; }
@@ -316,16 +304,6 @@ std::vector<Contestant> EveryArithmetic(const Registry& registry) {
 std::vector<Json> MeasurePoint(const Suite& suite, const Point& point,
                                const std::vector<Contestant>& contestants, const PointOptions& options) {
   return PointRun(suite, point, contestants, options).Go();
-}
-
-double UpperBound(uint64_t events, uint64_t n) {
-  if (events >= n) return 1;
-  double lo = 0, hi = 1;
-  for (int i = 0; i < 60; ++i) {
-    const double middle = (lo + hi) / 2;
-    (BinomialCdf(events, n, middle) > 0.05 ? lo : hi) = middle;
-  }
-  return hi;
 }
 
 }  // namespace raybench::extremes
