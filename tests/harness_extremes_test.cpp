@@ -151,15 +151,6 @@ TEST(Extremes, OfCopiesTheLowestIdWins) {
   EXPECT_EQ(rows.back()["triangles"], 1000);
 }
 
-TEST(Extremes, TheBoundIsTheRuleOfThreeAtZeroAndAboveTheRateElsewhere) {
-  EXPECT_NEAR(extremes::UpperBound(0, 1000), 3.0 / 1000, 2e-5);
-  EXPECT_NEAR(extremes::UpperBound(0, 1), 0.95, 1e-9);
-  EXPECT_NEAR(extremes::UpperBound(5, 10), 0.7776,
-              1e-4);  // a table's value: Clopper and Pearson, 90 % two-sided
-  EXPECT_EQ(extremes::UpperBound(10, 10), 1);
-  EXPECT_EQ(extremes::UpperBound(0, 0), 1);
-}
-
 TEST(Extremes, ArithmeticIsEnumeratedFromTheParameters) {
   const Registry registry;
   std::set<std::string> specs;

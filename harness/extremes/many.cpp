@@ -9,7 +9,7 @@ namespace {
 
 /// Every answer costs a test of each copy, so few rays where there are many.
 uint64_t AffordableRays(uint64_t rays, double copies) {
-  return std::max<uint64_t>(16, std::min(rays, uint64_t(0x1p22 / copies)));
+  return std::max<uint64_t>(4, std::min(rays, uint64_t(0x1p21 / copies)));
 }
 
 Workload MakeCoincident(const Point& point, uint64_t rays, uint64_t seed) {

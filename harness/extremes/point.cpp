@@ -15,10 +15,13 @@
 namespace raybench::extremes {
 namespace {
 
-/// `brute` gets as many rays as make this many tests in a pass, but never fewer than kFewestRays.
-constexpr double kBruteTests = 0x1p20;
+/// What is linear (RB_LINEAR) gets as many rays as look at this many primitives in a pass, but never fewer
+/// than kFewestRays.
+constexpr double kLinearBudget = 0x1p20;
 constexpr uint64_t kFewestRays = 16;
 constexpr int kPasses = 3;
+/// A tree whose pass lasts longer than this is passed once.
+constexpr double kLongPassSeconds = 0.1;
 
 constexpr const char* kColumns[] = {"suite",
                                     "variant",
@@ -84,8 +87,8 @@ struct Entrant {
 };
 
 uint64_t RaysFor(const Contestant& contestant, const Scene& scene, uint64_t rays) {
-  if (std::string_view(contestant.structure->name) != "brute") return rays;
-  const auto affordable = uint64_t(kBruteTests / double(std::max<uint64_t>(1, scene.primitive_count())));
+  if ((contestant.structure->capabilities & RB_LINEAR) == 0) return rays;
+  const auto affordable = uint64_t(kLinearBudget / double(std::max<uint64_t>(1, scene.primitive_count())));
   return std::min(rays, std::max(kFewestRays, affordable));
 }
 
@@ -237,12 +240,12 @@ class PointRun {
     }
     e.row["failures"] = failures;
     e.row["failure_rate"] = double(failures) / double(e.rays.size());
-    e.row["failure_bound"] = UpperBound(failures, e.rays.size());
+    e.row["failure_bound"] = UpperRate(failures, e.rays.size());
     if (work_.second) {
       e.row["second_rays"] = second_rays;
       e.row["second"] = second;
       if (second_rays > 0) e.row["second_rate"] = double(second) / double(second_rays);
-      e.row["second_bound"] = UpperBound(second, second_rays);
+      e.row["second_bound"] = UpperRate(second, second_rays);
     }
     if (!flaw.empty()) e.row["status"] = "broken", e.row["note"] = flaw;
   }
@@ -251,7 +254,7 @@ class PointRun {
   void Time() {
     for (int pass = 0; pass < kPasses; ++pass) {
       for (Entrant& e : entrants_) {
-        if (!e.tree) continue;
+        if (!e.tree || (pass > 0 && e.pass_ns[0] * double(e.rays.size()) > kLongPassSeconds * 1e9)) continue;
         ThrowIfInterrupted();
         const Pinned pinned(true);
         const Stopwatch watch(/*process=*/false);
@@ -273,18 +276,6 @@ class PointRun {
   std::vector<Truth> truth_;
 };
 
-/// P(X <= k) for X binomial with n trials of probability p.
-double BinomialCdf(uint64_t k, uint64_t n, double p) {
-  const double log_p = std::log(p), log_q = std::log1p(-p);
-  double sum = 0;
-  for (uint64_t i = 0; i <= k; ++i) {
-    const double ways =
-        std::lgamma(double(n) + 1) - std::lgamma(double(i) + 1) - std::lgamma(double(n - i) + 1);
-    sum += std::exp(ways + double(i) * log_p + double(n - i) * log_q);
-  }
-  return sum;
-}
-
 }  // namespace
 
 std::span<const char* const> Columns() { return kColumns; }
@@ -292,16 +283,6 @@ std::span<const char* const> Columns() { return kColumns; }
 std::vector<Json> MeasurePoint(const Suite& suite, const Point& point,
                                const std::vector<Contestant>& contestants, const PointOptions& options) {
   return PointRun(suite, point, contestants, options).Go();
-}
-
-double UpperBound(uint64_t events, uint64_t n) {
-  if (events >= n) return 1;
-  double lo = 0, hi = 1;
-  for (int i = 0; i < 60; ++i) {
-    const double middle = (lo + hi) / 2;
-    (BinomialCdf(events, n, middle) > 0.05 ? lo : hi) = middle;
-  }
-  return hi;
 }
 
 }  // namespace raybench::extremes

@@ -22,8 +22,4 @@ struct PointOptions {
 std::vector<Json> MeasurePoint(const Suite& suite, const Point& point,
                                const std::vector<Contestant>& contestants, const PointOptions& options);
 
-/// The rate p for which `events` or fewer of n happen with a probability of 5 %: a one-sided upper bound of
-/// 95 % (Clopper, Pearson 1934). About 3/n where there are none (the rule of three). 1 where n is 0.
-double UpperBound(uint64_t events, uint64_t n);
-
 }  // namespace raybench::extremes

@@ -141,22 +141,24 @@ class ExtremesRun {
                         {"range", s->range}});
     }
     for (const Contestant& c : contestants_) structures.push_back(FactsOf(c, registry_));
-    const Json json = {{"format", 1},
-                       {"started", started_},
-                       {"ended", UtcTime("%Y-%m-%dT%H:%M:%SZ")},
-                       {"interrupted", interrupted},
-                       {"points", plan_.size()},
-                       {"command_line", options_.command_line},
-                       {"plugins", options_.plugins},
-                       {"seed", options_.seed},
-                       {"quick", options_.quick},
-                       {"rays_per_point", options_.Rays()},
-                       {"timing", "rough: median of 3 passes in turn, one pinned thread, CPU time"},
-                       {"build", BuildFacts()},
-                       {"machine", MachineFacts()},
-                       {"libraries", LibraryFacts()},
-                       {"structures", structures},
-                       {"suites", suites}};
+    const Json json = {
+        {"format", 1},
+        {"started", started_},
+        {"ended", UtcTime("%Y-%m-%dT%H:%M:%SZ")},
+        {"interrupted", interrupted},
+        {"points", plan_.size()},
+        {"command_line", options_.command_line},
+        {"plugins", options_.plugins},
+        {"seed", options_.seed},
+        {"quick", options_.quick},
+        {"rays_per_point", options_.Rays()},
+        {"timing",
+         "rough: median of 3 passes in turn (1 where a pass lasts long), one pinned thread, CPU time"},
+        {"build", BuildFacts()},
+        {"machine", MachineFacts()},
+        {"libraries", LibraryFacts()},
+        {"structures", structures},
+        {"suites", suites}};
     WriteFileAtomically(folder_ / "extremes.json",
                         json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
   }

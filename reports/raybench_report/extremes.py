@@ -2,6 +2,7 @@
 
 import html
 import json
+import re
 import textwrap
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+from matplotlib.lines import Line2D
 
 from . import page, style
 from .results import VERDICTS, RunError, read_json, read_table, write_atomically
@@ -23,6 +25,8 @@ NUMBERS = [
 WIDTH = 2 * style.COLUMN
 BROKEN = "#b00020"
 BOUND = "95 % bound at 0 of n"
+COLOURS = [*style.COLOURS, "#000000", "#8B6F47"]
+ORDER = ["exact", "double", "watertight", "robust=true", "fast", "robust=false"]  # from careful to careless
 RATE_TOP = 1.6  # above 100 %, so that marks there are whole
 
 
@@ -35,15 +39,39 @@ class Extremes:
     info: dict
 
     @property
-    def specs(self):
-        """Structures as labelled, sorted: the looks follow this order."""
-        return sorted(self.rows["spec"].unique())
+    def looks(self):
+        """Colour and mark of each spec: the colour tells the arithmetic, the mark the structure."""
+        arithmetics, structures = self.arithmetics, sorted(self.rows["structure"].unique())
+        marks = {name: style.MARKS[i % len(style.MARKS)] for i, name in enumerate(structures)}
+        return {
+            row.spec: (arithmetics[_arithmetic(row)], marks[row.structure])
+            for row in self.rows.drop_duplicates("spec").itertuples()
+        }
+
+    @property
+    def arithmetics(self):
+        """Colour of each arithmetic, in the order of lanes and legend."""
+        present = {_arithmetic(row) for row in self.rows.drop_duplicates("spec").itertuples()}
+        return {name: COLOURS[i % len(COLOURS)] for i, name in enumerate(sorted(present, key=_rank))}
 
     @property
     def suites(self):
         """What extremes.json says of each suite that has rows."""
         present = set(self.rows["suite"])
         return [suite for suite in self.info["suites"] if suite["name"] in present]
+
+
+def _arithmetic(row):
+    """What decides about failures: the parameter `numerics` or `robust`, else the structure itself."""
+    if found := re.search(r"\bnumerics=(\w+)", row.params):
+        return found[1]
+    found = re.search(r"\brobust=\w+", row.params)
+    return f"{row.structure}, {found[0]}" if found else row.structure
+
+
+def _rank(arithmetic):
+    kind = arithmetic.rpartition(", ")[2]
+    return (ORDER.index(kind) if kind in ORDER else len(ORDER), arithmetic)
 
 
 def read(directory):
@@ -80,8 +108,7 @@ def draw(extremes, suite):
     """The figure of a suite: a row of panels for each variant; share of failures, error of t, time per ray."""
     rows = extremes.rows[extremes.rows["suite"] == suite["name"]]
     variants = list(rows["variant"].unique())
-    looks = style.looks(extremes.specs)
-    specs = [spec for spec in extremes.specs if spec in set(rows["spec"])]
+    looks, colours = extremes.looks, extremes.arithmetics
     panels = [("failure_rate", "share of answers that fail")]
     if rows["second_rate"].notna().any():
         panels.append(("second_rate", f"share: {suite['second']}"))
@@ -99,11 +126,11 @@ def draw(extremes, suite):
     notes = _notes(suite, rows)
     text = textwrap.fill(notes, 170)
     below = 0.09 * (text.count("\n") + 1) + 0.1
-    legend_rows = -(-(len(specs) + 1) // _legend_columns(specs))
+    structures = {row.structure: looks[row.spec][1] for row in rows.drop_duplicates("structure").itertuples()}
     name_width = 0.088 * len(suite["name"]) + 0.16
     doc = textwrap.wrap(suite["doc"], int((WIDTH - name_width) * 21))
     head = 0.13 + 0.11 * max(len(doc), 1)
-    above = head + 0.03 + 0.118 * legend_rows
+    above = head + 0.03 + 0.118 * (2 + (len(structures) > 9))
     cell = WIDTH / columns
     titles = [[textwrap.wrap(label, int(cell * 18)) for _, label in quantities] for _, quantities in lines]
     highest = max(len(lines_of) for row in titles for lines_of in row)
@@ -114,19 +141,21 @@ def draw(extremes, suite):
     figure.text(0.008, 1 - 0.07 / total, suite["name"], fontsize=9, weight="bold", va="top")
     figure.text(name_width / WIDTH, 1 - 0.09 / total, "\n".join(doc), fontsize=6.5, va="top", linespacing=1.1)
     figure.text(0.008, 0.04 / total, text, fontsize=5.8, color=style.GREY, va="bottom", linespacing=1.15)
-    handles = [_handle(spec, *looks[spec]) for spec in specs]
-    handles.append(style.mark(BOUND, "#888888", "_", size=6))
-    figure.legend(
-        handles=handles,
-        loc="upper left",
-        bbox_to_anchor=(0.004, 1 - head / total),
-        ncols=_legend_columns(specs),
-        columnspacing=1.2,
-        handletextpad=0.4,
-        borderaxespad=0,
-        borderpad=0.1,
-        labelspacing=0.25,
-    )
+    arithmetics = [Line2D([], [], color=colour, linewidth=1.5, label=name) for name, colour in colours.items()]
+    marks = [style.mark(name, style.GREY, shape) for name, shape in structures.items()]
+    for at, handles in enumerate([[*arithmetics, style.mark(BOUND, "#888888", "_", size=6)], marks]):
+        figure.legend(
+            handles=handles,
+            loc="upper left",
+            bbox_to_anchor=(0.004, 1 - (head + 0.118 * at) / total),
+            ncols=9,
+            columnspacing=1.1,
+            handletextpad=0.4,
+            handlelength=1.4,
+            borderaxespad=0,
+            borderpad=0.1,
+            labelspacing=0.25,
+        )
 
     place = Places(suite["axis"], rows["magnitude"])
     bottoms = {column: _lowest(rows, column) for column in ("failure_rate", "second_rate")}
@@ -140,7 +169,7 @@ def draw(extremes, suite):
                 ((k * cell + 0.5) / WIDTH, (top - height) / total, (cell - 0.6) / WIDTH, height / total)
             )
             axis.set_title("\n".join(titles[i][k]), loc="left", pad=3, linespacing=1.1)
-            _panel(axis, here, column, specs, looks, place, bottoms.get(column))
+            _panel(axis, here, column, (colours, looks), place, bottoms.get(column))
             place.label(axis, cell - 0.6)
             axis.set_xlabel(textwrap.fill(suite["axis_title"], int(cell * 16)), labelpad=2)
     return figure
@@ -206,18 +235,19 @@ def _lowest(rows, column):
     return 10.0 ** (np.floor(np.log10(low)) - 0.1)
 
 
-def _panel(axis, rows, column, specs, looks, place, bottom):
+def _panel(axis, rows, column, look, place, bottom):
     rate = column in ("failure_rate", "second_rate")
     values = rows[column].to_numpy(dtype=float)
     measured = np.isfinite(values)
     positive = values[measured & (values > 0)]
+    colours, looks = look
     lanes = {}
     if rate:
-        # Zeros: a lane for each structure below the scale.
+        # Zeros: a lane for each arithmetic below the scale.
         decades = np.log10(RATE_TOP / bottom)
-        lane = decades * 0.042
-        lanes = {spec: bottom * 10 ** -(lane * (i + 0.7)) for i, spec in enumerate(specs)}
-        floor = bottom * 10 ** -(lane * (len(specs) + 0.4))
+        lane = decades * 0.055
+        lanes = {colour: bottom * 10 ** -(lane * (i + 0.7)) for i, colour in enumerate(colours.values())}
+        floor = bottom * 10 ** -(lane * (len(colours) + 0.4))
         axis.set_yscale("log")
         axis.set_ylim(floor, RATE_TOP)
         axis.axhspan(floor, bottom, color="#eef3ee", zorder=0, linewidth=0)
@@ -234,17 +264,17 @@ def _panel(axis, rows, column, specs, looks, place, bottom):
         style.scale([axis], positive, "y")
     _shade(axis, rows, place)
 
-    width = 0.5 * place.step if len(specs) > 1 else 0
-    for i, spec in enumerate(specs):
+    structures = list(rows["structure"].unique())
+    width = 0.5 * place.step if len(structures) > 1 else 0
+    for spec, (colour, shape) in looks.items():
         one = rows[(rows["spec"] == spec) & rows[column].notna()].sort_values("magnitude")
         if one.empty:
             continue
-        colour, shape = looks[spec]
-        shift = width * ((i + 0.5) / len(specs) - 0.5)
+        shift = width * ((structures.index(one["structure"].iloc[0]) + 0.5) / len(structures) - 0.5)
         x, y = place(one["magnitude"]) + shift, one[column].to_numpy(dtype=float)
         if rate:
             zero = y == 0
-            y = np.where(zero, lanes[spec], y)
+            y = np.where(zero, lanes[colour], y)
             limit = one[column.replace("rate", "bound")].to_numpy(dtype=float)
             axis.plot(x[zero], limit[zero], "_", color="#888888", markersize=3.2, markeredgewidth=0.6, zorder=2)
         elif (y <= 0).any() and axis.get_yscale() == "log":
@@ -256,8 +286,6 @@ def _panel(axis, rows, column, specs, looks, place, bottom):
             marker=shape,
             markersize=2.6,
             markeredgewidth=0.5,
-            markerfacecolor="white" if _is_brute(spec) else colour,
-            linestyle=(0, (3, 2)) if _is_brute(spec) else "-",
             linewidth=0.7,
             alpha=0.9,
             zorder=3,
@@ -300,25 +328,8 @@ def _notes(suite, rows):
         parts.append("Red ring: a claim is broken.")
     for note, specs in rows[rows["status"] == "skipped"].groupby("note")["spec"]:
         parts.append(f"Not measured: {', '.join(sorted(specs.unique()))} ({note}).")
-    parts.append("Marks of one point are moved apart.")
+    parts.append("Marks of one point stand a little apart.")
     return " ".join(parts)
-
-
-def _legend_columns(specs):
-    longest = max(len(spec) for spec in [*specs, BOUND])
-    return max(1, int(WIDTH * 16 / (longest + 5)))
-
-
-def _handle(spec, colour, shape):
-    handle = style.mark(spec, colour, shape, hollow=_is_brute(spec))
-    handle.set_linestyle((0, (3, 2)) if _is_brute(spec) else "-")
-    handle.set_linewidth(0.7)
-    return handle
-
-
-def _is_brute(spec):
-    """It has no tree: what it shows is the arithmetic's alone, so it is drawn dashed and hollow."""
-    return spec.partition("(")[0] == "brute"
 
 
 def _percent(rate):
