@@ -10,7 +10,7 @@ namespace {
 
 double SahCost(const std::string& spec, const rb_geometry& geometry) {
   const auto statistics = ReadTree(Build(spec, geometry), geometry);
-  EXPECT_EQ(statistics->enclosure_flaw, "") << spec;
+  EXPECT_EQ(statistics->flaw, "") << spec;
   return statistics->sah_cost.value();
 }
 

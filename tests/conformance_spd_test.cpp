@@ -29,7 +29,7 @@ TEST_P(SpdStatics, AreThePublishedOnes) {
   const Tree tree = Build(expected.structure, scene.Geometry());
   const auto got = ReadTree(tree, scene.Geometry());
   ASSERT_TRUE(got.has_value());
-  EXPECT_EQ(got->enclosure_flaw, "");
+  EXPECT_EQ(got->flaw, "");
   auto near = [&](uint64_t value, double figure) { EXPECT_NEAR(double(value), figure, figure * expected.tolerance); };
   near(got->inner_nodes, expected.inner);
   near(got->leaf_nodes, expected.leaves);

@@ -185,7 +185,7 @@ class PointRun {
     std::string flaw;
     if (const auto statistics = ReadTree(e.tree, geometry_)) {
       e.row["depth"] = statistics->depth;
-      flaw = statistics->enclosure_flaw;
+      flaw = statistics->flaw;
     }
     e.rays.assign(work_.rays.begin(),
                   work_.rays.begin() + long(RaysFor(*e.contestant, work_.scene, work_.rays.size())));
