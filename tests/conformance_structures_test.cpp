@@ -44,45 +44,22 @@ const std::vector<Mesh>& Meshes() {
   return meshes;
 }
 
-class Structure : public ::testing::TestWithParam<std::tuple<std::string, size_t>> {
- protected:
-  Structure() : scene_(SceneOf(mesh())), tree_(Build(spec(), geometry_ = scene_.Geometry())) {
-    // Rays aim at what the structure sees: the rescaled scene without its degenerate triangles.
-    Mesh seen{mesh().name, scene_.positions, scene_.triangles};
-    for (const rb_ray& ray : NastyRays(seen, 150, 77)) {
-      if (IsValidRay(ray)) rays_.push_back(ray);
+/// A mesh as a scene, with rays at what structures see of it (rescaled, without degenerate triangles), and
+/// truth.
+struct Known {
+  Scene scene;
+  std::vector<rb_ray> rays;
+  std::unique_ptr<Oracle> oracle;
+  std::vector<Truth> truth;
+
+  explicit Known(const Mesh& mesh) : scene(SceneOf(mesh)) {
+    for (const rb_ray& ray : NastyRays(Mesh{mesh.name, scene.positions, scene.triangles}, 150, 77)) {
+      if (IsValidRay(ray)) rays.push_back(ray);
     }
+    oracle = MakeOracle(scene);
+    truth = oracle->Ask(rays, 1);
   }
-  const std::string& spec() const { return std::get<0>(GetParam()); }
-  const Mesh& mesh() const { return Meshes()[std::get<1>(GetParam())]; }
-
-  Scene scene_;
-  rb_geometry geometry_;
-  Tree tree_;
-  std::vector<rb_ray> rays_;
 };
-
-TEST_P(Structure, KeepsItsClaim) {
-  const auto oracle = MakeOracle(scene_);
-  const auto truth = oracle->Ask(rays_, 1);
-  const auto hits = Closest(tree_, rays_);
-  const auto occluded = Occluded(tree_, rays_);
-  const VerdictCounts closest = JudgeAll(*oracle, RB_CLOSEST, rays_, truth, hits, {}, 1);
-  const VerdictCounts any = JudgeAll(*oracle, RB_ANY, rays_, truth, {}, occluded, 1);
-  for (const VerdictCounts* counts : {&closest, &any}) {
-    uint64_t sum = 0;
-    for (uint64_t n : counts->by_class) sum += n;
-    EXPECT_EQ(sum, rays_.size());
-    EXPECT_FALSE(BreaksClaim(tree_.Claims(), *counts))
-        << "leaks " << counts->leaks() << ", plain errors " << counts->plain_errors();
-  }
-  // Whatever a structure claims, most of its answers are right; null, which claims nothing, always misses.
-  if (tree_.Claims() == RB_CLAIM_NOTHING) {
-    for (const rb_hit& hit : hits) EXPECT_EQ(hit.prim, RAYBENCH_NONE);
-  } else {
-    EXPECT_LE(closest.leaks() + closest.plain_errors(), rays_.size() / 2);
-  }
-}
 
 /// "brute" with the numerics that the spec chooses.
 std::string BruteLike(const std::string& spec) {
@@ -96,69 +73,114 @@ std::string BruteLike(const std::string& spec) {
   return "brute";
 }
 
-TEST_P(Structure, AnswersAsBruteForceWhereItPromisesWatertightness) {
-  if (tree_.Claims() != RB_CLAIM_WATERTIGHT && tree_.Claims() != RB_CLAIM_EXACT) return;
-  const auto expected = Closest(Build(BruteLike(spec()), geometry_), rays_);
-  const auto hits = Closest(tree_, rays_);
-  for (size_t i = 0; i < rays_.size(); ++i) {
-    ASSERT_EQ(hits[i].prim, expected[i].prim) << "ray " << i;
-    ASSERT_EQ(hits[i].t, expected[i].t) << "ray " << i;
-  }
-}
+/// One structure on one mesh.
+class Trial {
+ public:
+  Trial(const std::string& spec, const Known& scene)
+      : spec_(spec),
+        scene_(scene),
+        geometry_(scene.scene.Geometry()),
+        tree_(Build(spec, geometry_)),
+        hits_(Closest(tree_, rays())),
+        occluded_(Occluded(tree_, rays())) {}
 
-TEST_P(Structure, BatchesThreadsAndCountingChangeNothing) {
-  const auto hits = Closest(tree_, rays_);
-  const auto occluded = Occluded(tree_, rays_);
-  auto expect_same = [&](const std::vector<rb_hit>& got, const char* what) {
-    ASSERT_EQ(std::memcmp(got.data(), hits.data(), hits.size() * sizeof(rb_hit)), 0) << what;
-  };
-  for (size_t batch : {size_t{1}, size_t{7}, size_t{64}}) {
-    std::vector<rb_hit> got(rays_.size());
-    for (size_t i = 0; i < rays_.size(); i += batch) {
-      rb_query q{};
-      q.struct_size = sizeof q, q.kind = RB_CLOSEST, q.n = std::min(batch, rays_.size() - i);
-      q.rays = &rays_[i], q.hits = &got[i];
-      tree_.Query(q);
+  void ExpectClaimKept() {
+    const VerdictCounts closest = JudgeAll(*scene_.oracle, RB_CLOSEST, rays(), scene_.truth, hits_, {}, 1);
+    const VerdictCounts any = JudgeAll(*scene_.oracle, RB_ANY, rays(), scene_.truth, {}, occluded_, 1);
+    for (const VerdictCounts* counts : {&closest, &any}) {
+      uint64_t sum = 0;
+      for (uint64_t n : counts->by_class) sum += n;
+      EXPECT_EQ(sum, rays().size());
+      EXPECT_FALSE(BreaksClaim(tree_.Claims(), *counts))
+          << "leaks " << counts->leaks() << ", plain errors " << counts->plain_errors();
     }
-    expect_same(got, "batch size");
+    // Whatever a structure claims, most of its answers are right; null, which claims nothing, always misses.
+    if (tree_.Claims() == RB_CLAIM_NOTHING) {
+      for (const rb_hit& hit : hits_) EXPECT_EQ(hit.prim, RAYBENCH_NONE);
+    } else {
+      EXPECT_LE(closest.leaks() + closest.plain_errors(), rays().size() / 2);
+    }
   }
-  for (uint32_t threads : {2u, 5u}) {
-    std::vector<rb_hit> got(rays_.size());
+
+  void ExpectAnswersOfBruteForce() {
+    if (tree_.Claims() != RB_CLAIM_WATERTIGHT && tree_.Claims() != RB_CLAIM_EXACT) return;
+    const auto expected = Closest(Build(BruteLike(spec_), geometry_), rays());
+    for (size_t i = 0; i < rays().size(); ++i) {
+      ASSERT_EQ(hits_[i].prim, expected[i].prim) << "ray " << i;
+      ASSERT_EQ(hits_[i].t, expected[i].t) << "ray " << i;
+    }
+  }
+
+  void ExpectBatchesThreadsAndCountingToChangeNothing() {
+    auto expect_same = [&](const std::vector<rb_hit>& got, const char* what) {
+      ASSERT_EQ(std::memcmp(got.data(), hits_.data(), hits_.size() * sizeof(rb_hit)), 0) << what;
+    };
+    for (size_t batch : {size_t{1}, size_t{7}, size_t{64}}) {
+      std::vector<rb_hit> got(rays().size());
+      for (size_t i = 0; i < rays().size(); i += batch) {
+        rb_query q{};
+        q.struct_size = sizeof q, q.kind = RB_CLOSEST, q.n = std::min(batch, rays().size() - i);
+        q.rays = &rays()[i], q.hits = &got[i];
+        tree_.Query(q);
+      }
+      expect_same(got, "batch size");
+    }
+    for (uint32_t threads : {2u, 5u}) {
+      std::vector<rb_hit> got(rays().size());
+      rb_query q{};
+      q.struct_size = sizeof q, q.kind = RB_CLOSEST, q.n = rays().size(), q.rays = rays().data(),
+      q.hits = got.data();
+      QueryParallel(tree_, q, threads);
+      expect_same(got, "threads asking");
+      if ((tree_.structure().capabilities & RB_DETERMINISTIC) == 0) continue;
+      expect_same(Closest(Build(spec_, geometry_, threads), rays()), "threads building");
+    }
+    if ((tree_.structure().capabilities & RB_CAN_COUNT) == 0) return;
+    std::vector<rb_hit> got(rays().size());
+    std::vector<uint8_t> shadow(rays().size());
+    std::vector<rb_counts> counts(rays().size());
     rb_query q{};
-    q.struct_size = sizeof q, q.kind = RB_CLOSEST, q.n = rays_.size(), q.rays = rays_.data(),
+    q.struct_size = sizeof q, q.kind = RB_CLOSEST, q.n = rays().size(), q.rays = rays().data(),
     q.hits = got.data();
-    QueryParallel(tree_, q, threads);
-    expect_same(got, "threads asking");
-    if ((tree_.structure().capabilities & RB_DETERMINISTIC) == 0) continue;
-    expect_same(Closest(Build(spec(), geometry_, threads), rays_), "threads building");
+    q.counts = counts.data();
+    tree_.QueryCounted(q);
+    expect_same(got, "counting");
+    for (size_t i = 0; i < rays().size(); ++i) {
+      EXPECT_TRUE(hits_[i].prim == RAYBENCH_NONE || counts[i].prims > 0);
+      EXPECT_LE(counts[i].empty_leaves, counts[i].leaves);
+      EXPECT_LE(counts[i].leaves, counts[i].steps);
+    }
+    q.kind = RB_ANY, q.occluded = shadow.data();
+    tree_.QueryCounted(q);
+    EXPECT_EQ(shadow, occluded_);
   }
-  if ((tree_.structure().capabilities & RB_CAN_COUNT) == 0) return;
-  std::vector<rb_hit> got(rays_.size());
-  std::vector<uint8_t> shadow(rays_.size());
-  std::vector<rb_counts> counts(rays_.size());
-  rb_query q{};
-  q.struct_size = sizeof q, q.kind = RB_CLOSEST, q.n = rays_.size(), q.rays = rays_.data(),
-  q.hits = got.data();
-  q.counts = counts.data();
-  tree_.QueryCounted(q);
-  expect_same(got, "counting");
-  for (size_t i = 0; i < rays_.size(); ++i) {
-    EXPECT_TRUE(hits[i].prim == RAYBENCH_NONE || counts[i].prims > 0);
-    EXPECT_LE(counts[i].empty_leaves, counts[i].leaves);
-    EXPECT_LE(counts[i].leaves, counts[i].steps);
+
+ private:
+  const std::vector<rb_ray>& rays() const { return scene_.rays; }
+
+  const std::string& spec_;
+  const Known& scene_;
+  const rb_geometry geometry_;
+  const Tree tree_;
+  const std::vector<rb_hit> hits_;
+  const std::vector<uint8_t> occluded_;
+};
+
+class Structure : public ::testing::TestWithParam<std::string> {};
+
+TEST_P(Structure, KeepsTheContractOnEveryMesh) {
+  for (const Mesh& mesh : Meshes()) {
+    SCOPED_TRACE("mesh " + mesh.name);
+    const Known scene(mesh);
+    Trial trial(GetParam(), scene);
+    trial.ExpectClaimKept();
+    trial.ExpectAnswersOfBruteForce();
+    trial.ExpectBatchesThreadsAndCountingToChangeNothing();
   }
-  q.kind = RB_ANY, q.occluded = shadow.data();
-  tree_.QueryCounted(q);
-  EXPECT_EQ(shadow, occluded);
 }
 
-INSTANTIATE_TEST_SUITE_P(Every, Structure,
-                         ::testing::Combine(::testing::ValuesIn(Specs()),
-                                            ::testing::Range(size_t{0}, Meshes().size())),
-                         [](const auto& info) {
-                           return TestName(std::get<0>(info.param) + "_on_" +
-                                           Meshes()[std::get<1>(info.param)].name);
-                         });
+INSTANTIATE_TEST_SUITE_P(Every, Structure, ::testing::ValuesIn(Specs()),
+                         [](const auto& info) { return TestName(info.param); });
 
 }  // namespace
 }  // namespace raybench::testing
