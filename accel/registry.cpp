@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 
 #include "accel/builtin.h"
@@ -146,17 +145,5 @@ Tree::Tree(const Contestant& contestant, const rb_geometry& geometry, const rb_b
 rb_build_options DefaultBuildOptions() {
   return {sizeof(rb_build_options), 1, 1, RB_NEED_UV | RB_NEED_ANY, 0, nullptr};
 }
-
-bool IsValidRay(const rb_ray& ray) {
-  bool finite = std::isfinite(ray.tnear) && ray.tnear >= 0 && !std::isnan(ray.tfar);
-  bool moves = false;
-  for (int i = 0; i < 3; ++i) {
-    finite = finite && std::isfinite(ray.org[i]) && std::isfinite(ray.dir[i]);
-    moves = moves || ray.dir[i] != 0;
-  }
-  return finite && moves;
-}
-
-rb_ray InvalidRayStandIn() { return {{0, 0, 0}, 1, {0, 0, 1}, 0}; }
 
 }  // namespace raybench

@@ -9,6 +9,7 @@
 
 #include "accel/parameters.h"
 #include "accel/raybench.h"
+#include "accel/valid_ray.h"
 
 namespace raybench {
 
@@ -74,11 +75,5 @@ struct BuildError : std::runtime_error {
 
 /// Default options: all fields set, one thread, everything needed but `after` and `skip`.
 rb_build_options DefaultBuildOptions();
-
-/// Finite origin and direction, direction not zero, tnear finite and >= 0, tfar not NaN: what a structure may
-/// be given. Callers replace other rays by InvalidRayStandIn() and count them.
-bool IsValidRay(const rb_ray& ray);
-/// A valid ray that misses everything (tfar < tnear).
-rb_ray InvalidRayStandIn();
 
 }  // namespace raybench

@@ -28,6 +28,7 @@
 #include "accel/counting.h"
 #include "accel/float_state.h"
 #include "accel/raybench.h"
+#include "accel/valid_ray.h"
 #include "accel/vec3.h"
 
 namespace raybench {
@@ -72,9 +73,33 @@ struct RayQuery {
   }
 };
 
+/// Traces a ray whose direction is too short or too long for 1/dir, scaled by a power of two to a length of
+/// about 1.
+/// A t that is no finite float in the ray's own units does not count; one that its interval's ends round onto
+/// stays inside.
+template <class Trace>
+void TraceRescaled(RayQuery q, rb_hit& hit, Trace&& trace) {
+  constexpr float kMax = std::numeric_limits<float>::max(),
+                  kInfinity = std::numeric_limits<float>::infinity();
+  const float tnear = q.ray.tnear, tfar = q.ray.tfar;
+  int e = 0;
+  const float* const d = q.ray.dir;
+  std::frexp(std::fmax(std::fabs(d[0]), std::fmax(std::fabs(d[1]), std::fabs(d[2]))), &e);
+  for (float& x : q.ray.dir) x = std::ldexp(x, -e);
+  q.ray.tnear = std::ldexp(tnear, e), q.ray.tfar = hit.t = std::ldexp(std::fmin(tfar, kMax), e);
+  trace(q);
+  if (hit.prim == RAYBENCH_NONE) {
+    hit.t = tfar;
+  } else {
+    const float first = q.after == RAYBENCH_NONE ? std::nextafter(tnear, kInfinity) : tnear;
+    hit.t = std::fmin(std::fmax(std::ldexp(hit.t, -e), first), tfar);
+  }
+}
+
 /// Loops a per-ray function over a batch: trace(any, ray, hit, counter), where `any` is std::true_type for
-/// RB_ANY. `hit` arrives as a miss at tfar. Directions of extreme length are brought to length about 1 by a
-/// power of two, which is exact, so traversal need not fear over- and underflow of 1/dir.
+/// RB_ANY. `hit` arrives as a miss at tfar. Invalid rays, which the host should not ask about, miss without
+/// being traced. Directions of extreme length are brought to length about 1 by a power of two, which is
+/// exact, so traversal need not fear over- and underflow of 1/dir.
 template <class Counter, class Trace>
 void ForEachRay(const rb_query& query, Trace&& trace) {
   auto run = [&](auto any) {
@@ -83,19 +108,11 @@ void ForEachRay(const rb_query& query, Trace&& trace) {
       if (query.skip != nullptr) q.skip = query.skip[i];
       if (query.after != nullptr) q.after = query.after[i];
       Counter counter;
-      const float length =
-          std::fmax(std::fabs(q.ray.dir[0]), std::fmax(std::fabs(q.ray.dir[1]), std::fabs(q.ray.dir[2])));
       rb_hit hit{q.ray.tfar, 0, 0, RAYBENCH_NONE};
-      if (length >= 0x1p-60f && length <= 0x1p60f) [[likely]] {
+      if (IsRayWithin(q.ray, std::numeric_limits<float>::max(), 0x1p60f, 0x1p-60f)) [[likely]] {
         trace(any, q, hit, counter);
-      } else {
-        int e = 0;
-        std::frexp(length, &e);
-        for (float& d : q.ray.dir) d = std::ldexp(d, -e);
-        q.ray.tnear = std::ldexp(q.ray.tnear, e), q.ray.tfar = std::ldexp(q.ray.tfar, e);
-        hit.t = q.ray.tfar;
-        trace(any, q, hit, counter);
-        hit.t = hit.prim == RAYBENCH_NONE ? query.rays[i].tfar : std::ldexp(hit.t, -e);
+      } else if (IsValidRay(q.ray)) {
+        TraceRescaled(q, hit, [&](const RayQuery& scaled) { trace(any, scaled, hit, counter); });
       }
       if constexpr (any.value) {
         query.occluded[i] = hit.prim != RAYBENCH_NONE;

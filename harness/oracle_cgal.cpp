@@ -195,8 +195,9 @@ class CgalOracle final : public JudgingOracle {
         near.push_back(prim);
         return false;
       });
+      const rb_ray ray = WithinFloats(rays[i]);
       const std::string difference =
-          AuditTruth(scene_, rays[i], scene_.procedural_count() > 0 ? AskTriangles(rays[i]) : truth[i], near);
+          AuditTruth(scene_, ray, scene_.procedural_count() > 0 ? AskTriangles(ray) : truth[i], near);
       if (difference.empty()) continue;
       const rb_ray& r = rays[i];
       throw std::logic_error(

@@ -325,8 +325,9 @@ Adjacency::Corners Adjacency::CornersOf(uint32_t triangle) const {
 std::vector<Truth> JudgingOracle::Ask(std::span<const rb_ray> rays, uint32_t threads) const {
   std::vector<Truth> truth(rays.size());
   ParallelFor(rays.size(), threads, [&](size_t i) {
-    truth[i] = AskTriangles(rays[i]);
-    others_.Join(rays[i], truth[i]);
+    const rb_ray ray = WithinFloats(rays[i]);
+    truth[i] = AskTriangles(ray);
+    others_.Join(ray, truth[i]);
   });
   return truth;
 }

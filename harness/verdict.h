@@ -1,9 +1,11 @@
 // Private to the oracles: what they share to judge answers. The rules stand at the top of verdict.cpp.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -39,6 +41,12 @@ struct TrueHit {
   uint32_t prim;
   double t;
 };
+
+/// The ray, ending where t is no float any more: by the contract a hit without a finite t is none.
+inline rb_ray WithinFloats(rb_ray ray) {
+  ray.tfar = std::min(ray.tfar, std::numeric_limits<float>::max());
+  return ray;
+}
 
 /// An oracle that can list true hits and near misses; judging follows from these.
 class JudgingOracle : public Oracle {

@@ -3,27 +3,14 @@
 // covered by being registered.
 #include <gtest/gtest.h>
 
-#include <cctype>
 #include <cstring>
 
 #include "harness/oracle.h"
-#include "tests/meshes.h"
+#include "tests/conformance.h"
 #include "tracer/tracer.h"
 
 namespace raybench::testing {
 namespace {
-
-Scene SceneOf(const Mesh& mesh) {
-  Scene scene;
-  scene.name = mesh.name;
-  scene.provenance.source = "test mesh " + mesh.name;
-  scene.positions = mesh.positions;
-  scene.triangles = mesh.triangles;
-  scene.triangle_material.assign(mesh.triangles.size(), 0);
-  for (uint32_t i = 0; i < mesh.triangles.size(); ++i) scene.triangle_face.push_back(i);
-  scene.Finish();
-  return scene;
-}
 
 /// A ball among points and lines, exactly collinear.
 Mesh Degenerate() {
@@ -55,26 +42,6 @@ const std::vector<Mesh>& Meshes() {
       Moved(Ball(3), 0x1p100f, {0, 0, 0}, "scale_2e100"),
   };
   return meshes;
-}
-
-/// Every structure at its defaults, and at every value of each of its choices and switches.
-std::vector<std::string> Specs() {
-  std::vector<std::string> specs;
-  const Registry registry;
-  for (const rb_structure* s : registry.structures()) {
-    specs.push_back(s->name);
-    for (uint32_t i = 0; i < s->param_count; ++i) {
-      const rb_param& p = s->params[i];
-      if (p.type == RB_BOOL)
-        specs.push_back(std::string(s->name) + "(" + p.name + (p.def != 0 ? "=false)" : "=true)"));
-      if (p.type != RB_CHOICE) continue;
-      for (uint32_t c = 0; p.choices[c] != nullptr; ++c) {
-        if (c != uint32_t(p.def))
-          specs.push_back(std::string(s->name) + "(" + p.name + "=" + p.choices[c] + ")");
-      }
-    }
-  }
-  return specs;
 }
 
 class Structure : public ::testing::TestWithParam<std::tuple<std::string, size_t>> {
@@ -189,12 +156,8 @@ INSTANTIATE_TEST_SUITE_P(Every, Structure,
                          ::testing::Combine(::testing::ValuesIn(Specs()),
                                             ::testing::Range(size_t{0}, Meshes().size())),
                          [](const auto& info) {
-                           std::string name =
-                               std::get<0>(info.param) + "_on_" + Meshes()[std::get<1>(info.param)].name;
-                           for (char& c : name) {
-                             if (std::isalnum(static_cast<unsigned char>(c)) == 0) c = '_';
-                           }
-                           return name;
+                           return TestName(std::get<0>(info.param) + "_on_" +
+                                           Meshes()[std::get<1>(info.param)].name);
                          });
 
 }  // namespace

@@ -2,9 +2,10 @@
 // first.
 //
 // Triangles are one geometry, procedural primitives a user geometry. Vertex and index arrays are shared with
-// the scene, not copied. Input that makes a packaged Embree abort is kept away from it: invalid rays are
-// answered here with a miss; geometry is clean by contract. It cannot count, resume or skip. Embree orders
-// hits at equal t as it meets them; so ids at ties may differ from the lowest, which the verdict shows.
+// the scene, not copied. Input that makes a packaged Embree abort is kept away from it: invalid rays, and
+// such as start beyond 1.8e18, are answered here with a miss, directions shorter than 1e-18 or longer
+// than 1.8e18 are scaled; geometry is clean by contract. It cannot count, resume or skip. Embree orders hits
+// at equal t as it meets them; so ids at ties may differ from the lowest, which the verdict shows.
 #include "accel/structures/embree.h"
 
 #include <fmt/format.h>
@@ -14,8 +15,8 @@
 #include <memory>
 
 #include "accel/registry.h"
-#include "accel/simd.h"
 #include "accel/structure.h"
+#include "accel/valid_ray.h"
 
 namespace raybench {
 namespace {
@@ -102,11 +103,31 @@ class Embree {
     const rb_ray* const rays = query.rays;
     const size_t n = query.n;
     const RTCScene scene = scene_.get();
+    const uint32_t triangles = uint32_t(geometry_.triangle_count);
+    const auto closest_hit = [&](const rb_ray& ray) -> rb_hit {
+      RTCRayHit found;
+      found.ray = ToEmbree(ray);
+      found.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+      found.hit.primID = RTC_INVALID_GEOMETRY_ID;
+      found.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+#if RAYBENCH_EMBREE_MAJOR >= 4
+      rtcIntersect1(scene, &found, &closest);
+#else
+      rtcIntersect1(scene, &context, &found);
+#endif
+      if (found.hit.geomID == RTC_INVALID_GEOMETRY_ID) return {ray.tfar, 0, 0, RAYBENCH_NONE};
+      return {found.ray.tfar, found.hit.u, found.hit.v,
+              found.hit.primID + (found.hit.geomID == kTriangles ? 0 : triangles)};
+    };
     if (query.kind == RB_ANY) {
       uint8_t* const occluded = query.occluded;
       for (size_t i = 0; i < n; ++i) {
+        if (!IsTaken(rays[i])) [[unlikely]] {
+          occluded[i] = TraceUnusual(rays[i], closest_hit).prim != RAYBENCH_NONE;
+          continue;
+        }
         RTCRay ray = ToEmbree(rays[i]);
-        const bool asked = IsFinite(rays[i]) && ray.tfar >= 0;
+        const bool asked = ray.tfar >= 0;
         if (asked) [[likely]] {
 #if RAYBENCH_EMBREE_MAJOR >= 4
           rtcOccluded1(scene, &ray, &any);
@@ -119,26 +140,8 @@ class Embree {
       return;
     }
     rb_hit* const hits = query.hits;
-    const uint32_t triangles = uint32_t(geometry_.triangle_count);
     for (size_t i = 0; i < n; ++i) {
-      RTCRayHit found;
-      found.ray = ToEmbree(rays[i]);
-      found.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-      found.hit.primID = RTC_INVALID_GEOMETRY_ID;
-      found.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-      if (IsFinite(rays[i])) [[likely]] {
-#if RAYBENCH_EMBREE_MAJOR >= 4
-        rtcIntersect1(scene, &found, &closest);
-#else
-        rtcIntersect1(scene, &context, &found);
-#endif
-      }
-      if (found.hit.geomID == RTC_INVALID_GEOMETRY_ID) {
-        hits[i] = {rays[i].tfar, 0, 0, RAYBENCH_NONE};
-      } else {
-        hits[i] = {found.ray.tfar, found.hit.u, found.hit.v,
-                   found.hit.primID + (found.hit.geomID == kTriangles ? 0 : triangles)};
-      }
+      hits[i] = IsTaken(rays[i]) ? closest_hit(rays[i]) : TraceUnusual(rays[i], closest_hit);
     }
   }
 
@@ -156,12 +159,19 @@ class Embree {
     return ray;
   }
 
-  /// x - x is 0 for finite x and NaN otherwise. tfar may be infinite.
-  static bool IsFinite(const rb_ray& r) {
-    const float* const r8 = reinterpret_cast<const float*>(&r);  // org, tnear, dir, tfar
-    const Float4 a = Load4(r8), d = Load4(r8 + 4);
-    const Float4 b = __builtin_shufflevector(d, d, 0, 1, 2, 2);
-    return Mask((a - a) + (b - b) == Float4{}) == 15u && r.tfar == r.tfar;
+  /// What Embree takes without an assertion (components up to its FLT_LARGE) and without answering t = NaN
+  /// (it takes no reciprocal of less than 1e-18).
+  static bool IsTaken(const rb_ray& ray) { return IsRayWithin(ray, 1.844e18f, 1.844e18f, 1e-18f); }
+
+  /// The others: what is valid, with a direction of length about 1, if Embree takes that; else a miss.
+  template <class Trace>
+  static rb_hit TraceUnusual(const rb_ray& ray, const Trace& trace) {
+    rb_hit hit{ray.tfar, 0, 0, RAYBENCH_NONE};
+    if (!IsValidRay(ray)) return hit;
+    TraceRescaled(RayQuery{ray}, hit, [&](const RayQuery& scaled) {
+      if (IsTaken(scaled.ray)) hit = trace(scaled.ray);
+    });
+    return hit;
   }
 
   void AttachTriangles() {
