@@ -8,6 +8,7 @@
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_reduce.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <numeric>
@@ -215,19 +216,24 @@ void Scene::Finish(bool drop_bad) {
                        t[1], t[2], int64_t(positions.size()) - 1));
     }
   }
-  size_t kept = 0;
   for (size_t i = 0; i < triangles.size(); ++i) {
     if (triangle_material[i] >= materials.size())
       fail(fmt::format("face {} has material {}; there are {}", triangle_face[i], triangle_material[i],
                        materials.size()));
     stats.dropped_triangles += state[i] == 1;
     stats.degenerate_triangles += state[i] == 2;
-    if (state[i] != 0) continue;
-    triangles[kept] = triangles[i];
-    triangle_material[kept] = triangle_material[i];
-    triangle_face[kept++] = triangle_face[i];
   }
-  triangles.resize(kept), triangle_material.resize(kept), triangle_face.resize(kept);
+  const auto keep_triangles = [&](const auto& is_kept) {
+    size_t kept = 0;
+    for (size_t i = 0; i < triangles.size(); ++i) {
+      if (!is_kept(i)) continue;
+      triangles[kept] = triangles[i];
+      triangle_material[kept] = triangle_material[i];
+      triangle_face[kept++] = triangle_face[i];
+    }
+    triangles.resize(kept), triangle_material.resize(kept), triangle_face.resize(kept);
+  };
+  keep_triangles([&](size_t i) { return state[i] == 0; });
 
   FinishProcedurals(drop_bad);
 
@@ -283,18 +289,29 @@ void Scene::Finish(bool drop_bad) {
       if (exact) positions[i] = scaled;
       inexact[i] = !exact;
     });
+    const std::string too_small =
+        fmt::format("too small beside the largest coordinate {} to be rescaled without loss", largest);
     if (size_t i = FindFirst(positions.size(), [&](size_t k) { return inexact[k] != 0; });
-        i < positions.size())
-      fail(fmt::format(
-          "vertex {} is {}, too small beside the largest coordinate {} to be rescaled without loss", i,
-          Text(positions[i]), largest));
-    const auto rescale_all = [&](auto& prims, const char* kind) {
-      for (size_t i = 0; i < prims.size(); ++i)
-        if (!Rescale(prims[i], exponent))
-          fail(fmt::format("{} {} is too small beside the largest coordinate {} to be rescaled without loss",
-                           kind, i, largest));
+        i < positions.size()) {
+      if (!drop_bad) fail(fmt::format("vertex {} is {}, {}", i, Text(positions[i]), too_small));
+      const auto uses_inexact = [&](const auto& corners) {
+        return std::any_of(corners.begin(), corners.end(), [&](uint32_t v) { return inexact[v] != 0; });
+      };
+      const size_t before = triangles.size();
+      keep_triangles([&](size_t k) { return !uses_inexact(triangles[k]); });
+      stats.dropped_triangles += before - triangles.size();
+      stats.dropped_triangles += KeepSound(
+          polygons, polygon_material, "polygon", materials.size(), true,
+          [&](const Polygon& p) { return uses_inexact(CornersOf(p)) ? too_small : std::string(); }, fail);
+      for (size_t k = 0; k < positions.size(); ++k)
+        if (inexact[k] != 0) positions[k] = {0, 0, 0};
+    }
+    const auto rescale_all = [&](auto& prims, std::vector<uint32_t>& material, const char* kind) {
+      stats.dropped_triangles += KeepSound(
+          prims, material, kind, materials.size(), drop_bad,
+          [&](auto& prim) { return Rescale(prim, exponent) ? std::string() : "is " + too_small; }, fail);
     };
-    rescale_all(spheres, "sphere"), rescale_all(cones, "cone");
+    rescale_all(spheres, sphere_material, "sphere"), rescale_all(cones, cone_material, "cone");
     for (Camera& c : cameras) c.eye = Saturated(c.eye, exponent), c.at = Saturated(c.at, exponent);
     for (PointLight& l : lights) {
       l.position = Saturated(l.position, exponent);

@@ -107,7 +107,8 @@ class Scene {
   /// Brings a freshly filled scene into the state the contract promises: checks vertices (finite) and
   /// indices, leaves out exactly degenerate triangles and polygons without area, rescales by a power of two
   /// if max |coordinate| lies outside [2^-30, 2^30], adds a camera and lights where there are none, computes
-  /// bounds and hash. With `drop_bad` bad primitives are left out and counted instead of throwing. Shading
+  /// bounds and hash. With `drop_bad` bad primitives, and those too small beside the largest to be rescaled
+  /// without loss, are left out and counted instead of throwing. Shading
   /// normals that are not finite become (0, 0, 0), such texture coordinates (0, 0), with a note. Throws
   /// InputError naming `provenance.source` and the vertex or face.
   void Finish(bool drop_bad = false);

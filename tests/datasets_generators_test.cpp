@@ -1,9 +1,12 @@
 // The procedural scenes: exact counts, closed meshes, the same on every run and at any thread count.
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <tbb/global_control.h>
 
+#include <cmath>
 #include <map>
+#include <span>
 
 #include "datasets/memory.h"
 #include "datasets_testing.h"
@@ -192,6 +195,33 @@ TEST(GeneratorsTest, SizeIsHonoured) {
       EXPECT_GT(primitives, 0.8 * size) << name;
       EXPECT_LT(primitives, 1.2 * size) << name;
     }
+}
+
+// Each parameter at the ends of its range. What is too large for a test is refused by another (below) or is a
+// matter of patience.
+TEST(GeneratorsTest, EndsOfEveryRangeGiveWhatWasCounted) {
+  int loaded = 0;
+  for (const Generator* g : Generators()) {
+    const std::span params(g->params, g->param_count);
+    for (const rb_param& p : params) {
+      if (p.type == RB_CHOICE) continue;
+      for (double value : {p.lo, p.hi}) {
+        std::vector<std::pair<std::string, std::string>> values = {
+            {p.name, p.type == RB_BOOL ? (value != 0 ? "true" : "false") : fmt::format("{}", value)}};
+        for (const rb_param& other : params)
+          if (other.name == std::string_view("size") && &other != &p) values.emplace_back("size", "2000");
+        if (g->count(Configure(g->name, params, g->config_size, values).data()) > 300000) continue;
+        std::string name = g->name;
+        for (size_t i = 0; i < values.size(); ++i)
+          name += (i == 0 ? "(" : ",") + values[i].first + "=" + values[i].second;
+        SCOPED_TRACE(name += ")");
+        const Scene scene = LoadCounted(name);
+        for (Vec3f v : scene.positions) ASSERT_TRUE(std::isfinite(v.x + v.y + v.z));
+        ++loaded;
+      }
+    }
+  }
+  EXPECT_GT(loaded, 20);
 }
 
 TEST(GeneratorsTest, WhatCannotBeHeldIsRefusedBefore) {

@@ -15,14 +15,6 @@ using testing::AllOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
 
-TEST_F(GltfTest, EveryTruncationOfAGlbNamesTheFile) {
-  GltfBuilder b;
-  int p = b.Positions(kSquare);
-  b.Primitive(p, b.Indices<uint8_t>({0, 1, 2, 0, 2, 3}));
-  std::string bytes = b.Binary();
-  for (size_t n = 0; n < bytes.size(); ++n) LoadError(files_.Write("m.glb", bytes.substr(0, n)));
-}
-
 TEST_F(GltfTest, DamagedFilesLoadOrNameTheFile) {
   GltfBuilder b;
   int p = b.Positions(kSquare);

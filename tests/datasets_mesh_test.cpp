@@ -215,20 +215,6 @@ TEST_F(MeshTest, OffErrors) {
   EXPECT_THAT(OffError("OFF\n3 1 0\n0 0 0\n1 0\n0 1 0\n3 0 1 2\n"), HasSubstr("vertex 1 has 2 coordinates"));
 }
 
-TEST_F(MeshTest, EveryTruncationLoadsOrNamesTheFile) {
-  std::string obj = std::string(kSquare) + "f 1 2 3 4\nf 1/1/1 2/2/2 3/3/3\n",
-              off = "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
-  for (const auto& [name, text] : {std::pair{"cut.obj", obj}, std::pair{"cut.off", off}})
-    for (size_t n = 0; n < text.size(); ++n) {
-      std::string path = files_.Write(name, text.substr(0, n));
-      try {
-        LoadScene(path);
-      } catch (const InputError& e) {
-        EXPECT_THAT(std::string(e.what()), testing::StartsWith(path + ": "));
-      }
-    }
-}
-
 TEST_F(MeshTest, DamagedFilesLoadOrNameTheFile) {
   std::string obj =
       "mtllib m.mtl\n" + std::string(kSquare) + "usemtl a\nf 1 2 3 4\nf 1/1/1 2/2/2 3/3/3\nf -1 -2 -3\n";
