@@ -66,8 +66,9 @@ std::string ContractFlaw(const RaySet& set, const Answers& answers, uint64_t pri
         return fmt::format("ray {} misses with t = {}, not tfar = {}", i, hit.t, ray.tfar);
     } else if (hit.prim >= primitives) {
       return fmt::format("ray {} hits primitive {} of {}", i, hit.prim, primitives);
-    } else if (!(hit.t > ray.tnear && hit.t <= ray.tfar)) {
-      return fmt::format("ray {} hits at t = {}, outside of ({}, {}]", i, hit.t, ray.tnear, ray.tfar);
+    } else if (!(hit.t > ray.tnear && hit.t <= ray.tfar && std::isfinite(hit.t))) {
+      return fmt::format("ray {} hits at t = {}; a finite t in ({}, {}] is allowed", i, hit.t, ray.tnear,
+                         ray.tfar);
     }
   }
   return {};

@@ -372,14 +372,23 @@ TEST_F(HarnessCommand, PluginBuiltOutsideTheTreeIsTimed) {
 TEST_F(HarnessCommand, AStructureThatLiesIsRefusedAndGetsNoTime) {
   const fs::path plugins = BuildPlugins();
   const Outcome outcome =
-      Call(TinyRun("out", {"--structures", "wrong_misses,wrong_ids,wrong_bad_ids,wrong_counts,wrong_not",
+      Call(TinyRun("out", {"--structures",
+                           "wrong_misses,wrong_ids,wrong_bad_ids,wrong_counts,wrong_nan_t,wrong_infinite_t,"
+                           "wrong_early_t,wrong_miss_t,wrong_two,wrong_not",
                            "--plugin", (plugins / "libwrong.so").string()}));
   EXPECT_EQ(outcome.exit_code, 1) << outcome.err;
   EXPECT_NE(outcome.out.find("REFUSED"), std::string::npos);
-  const std::map<std::string, std::string> says = {{"wrong_misses", "claims watertight, but"},
-                                                   {"wrong_ids", "wrong"},
-                                                   {"wrong_bad_ids", "hits primitive 87 of 80"},
-                                                   {"wrong_counts", "is answered differently when counted"}};
+  const std::map<std::string, std::string> says = {
+      {"wrong_misses", "claims watertight, but"},
+      {"wrong_ids", "wrong"},
+      {"wrong_bad_ids", "hits primitive 87 of 80"},
+      {"wrong_counts", "is answered differently when counted"},
+      {"wrong_nan_t", "hits at t = nan; a finite t in (0, "},
+      {"wrong_infinite_t", "hits at t = inf; a finite t in (0, "},
+      {"wrong_early_t", "hits at t = 0; a finite t in (0, "},
+      {"wrong_late_t", "hits at t = inf; a finite t in (0, "},
+      {"wrong_miss_t", "misses with t = 0, not tfar = "},
+      {"wrong_two", "is answered 2, not 0 or 1"}};
   std::set<std::string> seen;
   for (const auto& row : ReadCsv(folder_ / "out" / "cases.csv")) {
     SCOPED_TRACE(row.at("spec") + " " + row.at("ray_set"));
@@ -392,7 +401,7 @@ TEST_F(HarnessCommand, AStructureThatLiesIsRefusedAndGetsNoTime) {
     if (honest) continue;
     EXPECT_NE(row.at("note").find(says.at(row.at("structure"))), std::string::npos) << row.at("note");
   }
-  EXPECT_EQ(seen.size(), 5u);
+  EXPECT_EQ(seen.size(), says.size() + 1);
   for (const auto& row : ReadCsv(folder_ / "out" / "samples.csv"))
     EXPECT_EQ(row.at("structure"), "wrong_not");
 }

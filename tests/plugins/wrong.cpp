@@ -5,7 +5,21 @@ using namespace raybench;
 
 namespace {
 
-enum Lie { kMisses, kWrongIds, kBadIds, kCountsDifferently, kStaysHonest };
+enum Lie {
+  kMisses,
+  kWrongIds,
+  kBadIds,
+  kCountsDifferently,
+  kNanT,
+  kInfiniteT,
+  kEarlyT,  // at tnear, which is outside of the interval
+  kMissT,   // a miss that does not say tfar
+  kTwo,     // neither occluded nor free
+  kStaysHonest
+};
+constexpr const char* kNames[] = {"wrong_misses", "wrong_ids",        "wrong_bad_ids", "wrong_counts",
+                                  "wrong_nan_t",  "wrong_infinite_t", "wrong_early_t", "wrong_miss_t",
+                                  "wrong_two",    "wrong_not"};
 
 /// Every ray against every triangle in double, and then the lie.
 template <Lie kLie>
@@ -14,11 +28,7 @@ class Liar {
   struct Config {
     uint32_t unused;
   };
-  static constexpr const char* kName = kLie == kMisses              ? "wrong_misses"
-                                       : kLie == kWrongIds          ? "wrong_ids"
-                                       : kLie == kBadIds            ? "wrong_bad_ids"
-                                       : kLie == kCountsDifferently ? "wrong_counts"
-                                                                    : "wrong_not";
+  static constexpr const char* kName = kNames[kLie];
   static constexpr const char* kDoc = "a test of the verdict";
   static constexpr const char* kSource = "raybench's tests";
   static constexpr uint64_t kCapabilities = RB_CAN_COUNT | RB_DETERMINISTIC;
@@ -39,7 +49,12 @@ class Liar {
         best.prim = uint32_t((best.prim + geometry_.triangle_count / 2) % geometry_.triangle_count);
       if (kLie == kBadIds && turn) best.prim = uint32_t(geometry_.triangle_count) + 7;
       if (kLie == kCountsDifferently && Counter::kCounts && turn) best = miss;
+      if (kLie == kNanT && turn) best.t = std::numeric_limits<float>::quiet_NaN();
+      if (kLie == kInfiniteT && turn) best.t = std::numeric_limits<float>::infinity();
+      if (kLie == kEarlyT && turn) best.t = q.ray.tnear;
+      if (kLie == kMissT && turn) best = {0, 0, 0, RAYBENCH_NONE};
     });
+    if (kLie == kTwo && query.kind == RB_ANY) query.occluded[query.n - 1] = 2;
   }
   uint32_t Claims() const { return RB_CLAIM_WATERTIGHT; }
   MemoryUse Memory() const { return {0, 0, true}; }
@@ -61,4 +76,5 @@ class Liar {
 
 }  // namespace
 
-RAYBENCH_PLUGIN(Liar<kMisses>, Liar<kWrongIds>, Liar<kBadIds>, Liar<kCountsDifferently>, Liar<kStaysHonest>)
+RAYBENCH_PLUGIN(Liar<kMisses>, Liar<kWrongIds>, Liar<kBadIds>, Liar<kCountsDifferently>, Liar<kNanT>,
+                Liar<kInfiniteT>, Liar<kEarlyT>, Liar<kMissT>, Liar<kTwo>, Liar<kStaysHonest>)
