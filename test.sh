@@ -4,17 +4,18 @@ set -euo pipefail
 
 usage() {
   cat <<'USAGE'
-usage: test.sh [--build-only] [--filter REGEX] [--sanitize]
+usage: test.sh [--build-only] [--filter REGEX] [--sanitize] [--tsan]
 Installs what is missing (Debian 12 or 13, as root or with sudo), builds build/release and runs all tests: those in
 C++ through ctest, those of the reports through pytest.
   --build-only    stop when everything is built
   --filter REGEX  only tests whose name matches (extended regular expression)
   --sanitize      build and test with AddressSanitizer and UndefinedBehaviorSanitizer too
+  --tsan          build and test the C++ code with ThreadSanitizer too; takes long
 RAYBENCH_NO_INSTALL=1 leaves the system's packages alone.
 USAGE
 }
 
-build_only=no filter='' sanitize=no
+build_only=no filter='' presets=(release)
 while [ $# -gt 0 ]; do
   case $1 in
     --build-only) build_only=yes ;;
@@ -22,12 +23,13 @@ while [ $# -gt 0 ]; do
       [ $# -ge 2 ] || { echo "test.sh: --filter needs a regular expression" >&2; exit 2; }
       filter=$2
       shift ;;
-    --sanitize) sanitize=yes ;;
+    --sanitize) presets=(asan-ubsan "${presets[@]}") ;;
+    --tsan) presets=(tsan "${presets[@]}") ;;
     --help | -h)
       usage
       exit 0 ;;
     *)
-      echo "test.sh: unknown argument '$1'; allowed: --build-only, --filter REGEX, --sanitize, --help" >&2
+      echo "test.sh: unknown argument '$1'; allowed: --build-only, --filter REGEX, --sanitize, --tsan, --help" >&2
       exit 2 ;;
   esac
   shift
@@ -35,8 +37,6 @@ done
 
 source "$(dirname "${BASH_SOURCE[0]}")/.ci/setup.sh"
 cd "$root"
-presets=(release)
-[ $sanitize = no ] || presets=(asan-ubsan release)
 for preset in "${presets[@]}"; do
   build_preset "$preset"
 done
