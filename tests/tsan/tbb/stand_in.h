@@ -87,8 +87,11 @@ void parallel_for(Index begin, Index end, const Body& body) {
   });
 }
 
-template <class Value, class Body>
-void parallel_for(const blocked_range<Value>& range, const Body& body) {
+struct simple_partitioner {};
+
+/// Pieces are as large as a thread's part, whatever the partitioner.
+template <class Value, class Body, class... Partitioner>
+void parallel_for(const blocked_range<Value>& range, const Body& body, const Partitioner&...) {
   stand_in::ForParts(range.size(), [&](size_t, size_t first, size_t last) {
     body(blocked_range<Value>(range.begin() + Value(first), range.begin() + Value(last), range.grainsize()));
   });
@@ -97,14 +100,17 @@ void parallel_for(const blocked_range<Value>& range, const Body& body) {
 template <class Index, class Result, class Body, class Join>
 Result parallel_reduce(const blocked_range<Index>& range, const Result& identity, const Body& body,
                        const Join& join) {
-  std::vector<Result> results(stand_in::Allowed(), identity);
+  struct Slot {  // of its own, also if it is a bool
+    Result value;
+  };
+  std::vector<Slot> results(stand_in::Allowed(), Slot{identity});
   stand_in::ForParts(range.size(), [&](size_t k, size_t first, size_t last) {
-    results[k] = body(
+    results[k].value = body(
         blocked_range<Index>(range.begin() + Index(first), range.begin() + Index(last), range.grainsize()),
         identity);
   });
-  Result sum = results[0];
-  for (size_t k = 1; k < results.size(); ++k) sum = join(sum, results[k]);
+  Result sum = results[0].value;
+  for (size_t k = 1; k < results.size(); ++k) sum = join(sum, results[k].value);
   return sum;
 }
 
@@ -115,9 +121,9 @@ void parallel_invoke(const First& first, const Second& second) {
   });
 }
 
-template <class Iterator>
-void parallel_sort(Iterator begin, Iterator end) {
-  std::sort(begin, end);
+template <class Iterator, class... Compare>
+void parallel_sort(Iterator begin, Iterator end, const Compare&... less) {
+  std::sort(begin, end, less...);
 }
 
 class task_arena {
