@@ -111,7 +111,7 @@ Vec3d InBall(Random& random) {
 
 bool OtherPrimitive(const Truth& truth, const rb_hit& hit) {
   if (hit.prim == RAYBENCH_NONE) return truth.hit;
-  return !std::binary_search(truth.tied.begin(), truth.tied.end(), hit.prim);
+  return hit.prim != truth.first && !std::binary_search(truth.tied.begin(), truth.tied.end(), hit.prim);
 }
 
 bool HitOrMissDiffers(const Truth& truth, const rb_hit& hit) {

@@ -48,7 +48,8 @@ std::vector<rb_ray> MakeRays(uint64_t count, uint64_t seed, const Make& make) {
   return rays;
 }
 
-/// The answer names none of the nearest primitives, or differs about hit or miss.
+/// The answer names none of the nearest primitives, nor the one that the contract's order puts first among
+/// those whose t rounds to the same float; or it differs about hit or miss.
 bool OtherPrimitive(const Truth& truth, const rb_hit& hit);
 /// The answer differs about hit or miss, whatever excuse there is.
 bool HitOrMissDiffers(const Truth& truth, const rb_hit& hit);

@@ -26,7 +26,7 @@ Workload MakeCoincident(const Point& point, uint64_t rays, uint64_t seed) {
     return Towards(ToFloat(target + r.UnitVector()), ToFloat(target));
   });
   work.fails = [](const Truth& truth, const rb_hit& hit) {
-    return hit.prim != (truth.hit ? truth.tied.front() : RAYBENCH_NONE);
+    return hit.prim != truth.first;  // both RAYBENCH_NONE on a miss
   };
   return work;
 }

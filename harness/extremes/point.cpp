@@ -103,12 +103,17 @@ std::string FirstBreaking(const Oracle& oracle, uint32_t claim, const Entrant& e
     const VerdictCounts one =
         JudgeAll(oracle, RB_CLOSEST, {&ray, 1}, truth.subspan(i, 1), {&e.hits[i], 1}, {}, 1);
     if (!BreaksClaim(claim, one)) continue;
-    const Verdict verdict = oracle.Judge(ray, truth[i], e.hits[i]);
+    const bool exact = claim == RB_CLAIM_EXACT;
+    const Truth& t = truth[i];
     return fmt::format(
         "ray {}: org {} dir {} tnear {} is answered primitive {} at t {:a} ({}); true is primitive {} at t "
         "{:a}",
         i, Exactly(ray.org), Exactly(ray.dir), ray.tnear, int32_t(e.hits[i].prim), e.hits[i].t,
-        VerdictName(verdict), truth[i].hit ? int64_t(truth[i].tied.front()) : -1, truth[i].t);
+        VerdictName(oracle.Judge(ray, t, e.hits[i])),
+        !t.hit  ? int64_t{-1}
+        : exact ? int64_t{t.first}
+                : int64_t{t.tied.front()},
+        exact ? t.t_rounded : t.t);
   }
   return "no single ray breaks it";
 }
