@@ -18,29 +18,20 @@ KdTree::KdTree(const rb_geometry& geometry, const Bounds3& cell, const KdSubtree
     nodes_[i] = built.nodes[i];
     if (!nodes_[i].IsLeaf()) continue;
     nodes_[i].first = uint32_t(blocks);
-    blocks += (nodes_[i].count() + kLanes - 1) / kLanes;
+    blocks += LeafBlocks::BlocksOf(nodes_[i].count());
     if (nodes_[i].count() > 0) leaves.push_back(uint32_t(i));
   }
   if (blocks > UINT32_MAX) throw std::runtime_error("the kd-tree has too many leaves");
-  const uint64_t bytes = nodes_.bytes() + leaves.size() * sizeof(uint32_t) + blocks * sizeof(Block);
+  const uint64_t bytes =
+      nodes_.bytes() + leaves.size() * sizeof(uint32_t) + blocks * sizeof(LeafBlocks::Block);
   if (memory_limit > 0 && built.bytes() + bytes > memory_limit)
     throw std::runtime_error("the kd-tree exceeds the memory limit");
 
-  blocks_ = HugeArray<Block>(blocks);
+  blocks_ = LeafBlocks(geometry, blocks);
   tbb::parallel_for(tbb::blocked_range<size_t>(0, leaves.size(), 1024), [&](const auto& range) {
-    for (size_t leaf = range.begin(); leaf < range.end(); ++leaf) {
-      const KdNode& node = nodes_[leaves[leaf]];
-      const uint32_t* prims = &built.prims[built.nodes[leaves[leaf]].first];
-      const uint32_t padded = (node.count() + kLanes - 1) / kLanes * kLanes;
-      for (uint32_t k = 0; k < padded; ++k) {
-        const uint32_t prim = prims[std::min(k, node.count() - 1)];
-        Block& block = blocks_[node.first + k / kLanes];
-        block.prim[k % kLanes] = prim;
-        for (int c = 0; c < 3; ++c) {
-          const Vec3f v = prim < geometry.triangle_count ? Vertex(geometry, prim, c) : Vec3f{0, 0, 0};
-          for (int a = 0; a < 3; ++a) block.v[c][a][k % kLanes] = v[a];
-        }
-      }
+    for (size_t i = range.begin(); i < range.end(); ++i) {
+      const KdNode& leaf = nodes_[leaves[i]];
+      blocks_.Fill(leaf.first, {&built.prims[built.nodes[leaves[i]].first], leaf.count()});
     }
   });
 }

@@ -30,8 +30,8 @@
 #include <vector>
 
 #include "accel/huge_array.h"
+#include "accel/leaf_blocks.h"
 #include "accel/ray_primitive.h"
-#include "accel/simd.h"
 
 namespace raybench {
 
@@ -73,7 +73,6 @@ struct KdSubtree {
 class KdTree {
  public:
   static constexpr uint32_t kMaxDepth = 64;  ///< builders stay below
-  static constexpr uint32_t kLanes = 4;      ///< primitives that a leaf tests at once
   static constexpr size_t kMaxNodes = size_t{1} << 30;
 
   KdTree() = default;
@@ -99,12 +98,6 @@ class KdTree {
   }
 
  private:
-  struct alignas(16) Block {
-    float v[3][3][kLanes];  // corner, axis, lane
-    uint32_t prim[kLanes];
-  };
-  static_assert(sizeof(Block) == 160);
-
   template <class Test, class Counter, bool kProcedural>
   void QueryLeaves(const rb_query& query) const {
     ForEachRay<Counter>(query, [&](auto any, const RayQuery& q, rb_hit& best, Counter& counter) {
@@ -115,15 +108,12 @@ class KdTree {
   template <class Test, class Counter, bool kProcedural, bool kAnyHit>
   void Trace(const RayState<Test>& ray, rb_hit& best, Counter& counter) const;
 
-  template <class Test, class Counter, bool kProcedural, bool kAnyHit>
-  bool Leaf(const KdNode& node, const RayState<Test>& ray, rb_hit& best, Counter& counter) const;
-
   template <class Fn>
   int VisitBelow(const KdNode* at, const Bounds3& cell, uint32_t depth, Fn& node) const;
 
   rb_geometry geometry_{};
   HugeArray<KdNode> nodes_;
-  HugeArray<Block> blocks_;
+  LeafBlocks blocks_;
   Bounds3 cell_;
 };
 
@@ -169,7 +159,14 @@ inline void KdTree::Trace(const RayState<Test>& ray, rb_hit& best, Counter& coun
         tfar = t1 < tfar ? t1 : tfar;
       }
     }
-    if (Leaf<Test, Counter, kProcedural, kAnyHit>(*node, ray, best, counter) && kAnyHit) return;
+    const uint32_t count = node->count();
+    counter.Step(sizeof(KdNode));
+    counter.Leaf(count == 0);
+    if (count > 0 &&
+        blocks_.Intersect<kProcedural, kAnyHit>(node->first, count, ray, best, counter, NoMailbox()) &&
+        kAnyHit) {
+      return;
+    }
     do {
       if (top == 0) return;
       --top;
@@ -178,41 +175,13 @@ inline void KdTree::Trace(const RayState<Test>& ray, rb_hit& best, Counter& coun
   }
 }
 
-/// True if `best` changed.
-template <class Test, class Counter, bool kProcedural, bool kAnyHit>
-inline bool KdTree::Leaf(const KdNode& node, const RayState<Test>& ray, rb_hit& best,
-                         Counter& counter) const {
-  const uint32_t count = node.count();
-  counter.Step(sizeof(KdNode));
-  counter.Leaf(count == 0);
-  counter.Prims(count, (count + kLanes - 1) / kLanes * sizeof(Block));
-  bool changed = false;
-  const Block* block = blocks_.data() + node.first;
-  for (uint32_t first = 0; first < count; first += kLanes, ++block) {
-    const uint32_t all = (1u << std::min(count - first, kLanes)) - 1;
-    // Lanes of procedural primitives hold no vertices.
-    unsigned candidates = kProcedural ? all : ray.test.MayHit(Lanes{block->v}) & all;
-    for (; candidates != 0; candidates &= candidates - 1) {
-      const int i = __builtin_ctz(candidates);
-      if constexpr (kProcedural) {
-        changed |= ray.Primitive(geometry_, block->prim[i], best);
-      } else {
-        auto corner = [&](int c) { return Vec3f{block->v[c][0][i], block->v[c][1][i], block->v[c][2][i]}; };
-        changed |= ray.Triangle(corner(0), corner(1), corner(2), block->prim[i], best);
-      }
-      if (kAnyHit && changed) return true;
-    }
-  }
-  return changed;
-}
-
 template <class Fn>
 int KdTree::VisitBelow(const KdNode* at, const Bounds3& cell, uint32_t depth, Fn& node) const {
   const float bounds[6] = {cell.lo.x, cell.lo.y, cell.lo.z, cell.hi.x, cell.hi.y, cell.hi.z};
   rb_node shown{depth, 0, 1, RB_SHAPE_BOX, bounds, 6, 0, nullptr};
   if (at->IsLeaf()) {
     std::vector<uint32_t> prims(at->count());
-    for (size_t i = 0; i < prims.size(); ++i) prims[i] = blocks_[at->first + i / kLanes].prim[i % kLanes];
+    for (size_t i = 0; i < prims.size(); ++i) prims[i] = blocks_.prim(at->first, uint32_t(i));
     shown.is_leaf = 1, shown.prim_count = uint32_t(prims.size()), shown.prims = prims.data();
     return node(shown);
   }
