@@ -170,9 +170,7 @@ class Builder {
       for (int k = 0; k < options_.axis_count; ++k) {
         const int a = options_.axes[k];
         const float c = o.center[k];
-        // Conservatively both halves own the plane, otherwise the upper one alone, as in a grid.
-        bool lower = b.lo[a] <= c, upper = b.hi[a] >= c;
-        if (!insertion_.IsPadded()) lower = b.lo[a] < c, upper = b.hi[a] >= c;
+        bool lower = b.lo[a] <= c, upper = b.hi[a] >= c;  // both halves own the plane
         if (c >= box.hi[a]) lower = true, upper = false;  // too thin to be halved
         if (!lower) mask &= kUpper[k];
         if (!upper) mask &= ~kUpper[k];

@@ -28,7 +28,7 @@ struct CenterTreeOptions {
   uint32_t depth = 12;      ///< of the deepest leaf; the root has 0
   uint32_t leaf_size = 8;
   double growth = 3;
-  double references = 8;
+  double references = 16;
 };
 
 inline constexpr uint32_t kMaxCenterDepth = 24;  ///< floats have as many bits

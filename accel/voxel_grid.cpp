@@ -128,7 +128,7 @@ class Builder {
       // Axes along which the box is thinner than a cell have one; the others share the cells.
       double product = 1;
       int axes = 0;
-      bool thin[3] = {};
+      bool thin[3] = {!(e[0] > 0), !(e[1] > 0), !(e[2] > 0)};
       for (bool changed = true; changed;) {
         changed = false, product = 1, axes = 0;
         for (int a = 0; a < 3; ++a) {
@@ -144,7 +144,7 @@ class Builder {
       size = longest / std::max(CubeRoot(cells), 1.0);
     }
     for (int a = 0; a < 3; ++a) {
-      const double n = grid_.rule == GridRule::kRegular ? (e[a] > 0 ? CubeRoot(cells) : 1) : e[a] / size;
+      const double n = !(e[a] > 0) ? 1 : grid_.rule == GridRule::kRegular ? CubeRoot(cells) : e[a] / size;
       res[a] = int32_t(std::min(std::max(std::floor(n + 0.5), 1.0), double(VoxelGrid::kMaxResolution)));
     }
   }

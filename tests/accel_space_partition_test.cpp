@@ -178,5 +178,132 @@ INSTANTIATE_TEST_SUITE_P(
                        ::testing::Values("watertight", "double", "exact")),
     [](const auto& i) { return std::string(std::get<0>(i.param).name) + "_" + std::get<1>(i.param); });
 
+class SpacePartitionBuild : public ::testing::TestWithParam<std::string> {};
+
+TEST_P(SpacePartitionBuild, MakesTheSameTreeAtAnyThreadCount) {
+  const Mesh mesh = Ball(6);  // 32,768 triangles: counted, filled and divided in parallel
+  auto digest = [&](uint32_t threads) {
+    std::string bytes;
+    const Tree tree = Build(GetParam(), mesh.Geometry(), threads);
+    tree.structure().visit(
+        tree.get(),
+        [](void* ctx, const rb_node* n) {
+          auto& out = *static_cast<std::string*>(ctx);
+          out.append(reinterpret_cast<const char*>(n->bounds), n->bounds_count * sizeof(float));
+          if (n->prim_count > 0)
+            out.append(reinterpret_cast<const char*>(n->prims), n->prim_count * sizeof(uint32_t));
+          return 0;
+        },
+        &bytes);
+    return bytes;
+  };
+  const std::string one = digest(1);
+  EXPECT_GT(one.size(), 1u << 18);
+  EXPECT_EQ(one, digest(2));
+  EXPECT_EQ(one, digest(5));
+}
+
+TEST_P(SpacePartitionBuild, CoversEveryPrimitiveByItsLeaves) {
+  for (const Mesh& mesh :
+       {Ball(3), Cubes(), Flat(8), Needles(200), Moved(Ball(3), 1, {1e6f, 1e6f, -1e6f}, "far")}) {
+    for (const char* numerics : {"watertight", "fast"}) {
+      const rb_geometry geometry = mesh.Geometry();
+      const Tree tree = Build(GetParam() + "(numerics=" + numerics + ")", geometry);
+      std::vector<Bounds3> covered(mesh.triangles.size());
+      tree.structure().visit(
+          tree.get(),
+          [](void* ctx, const rb_node* n) {
+            EXPECT_EQ(n->space_partition, 1u);
+            for (uint32_t i = 0; i < n->prim_count; ++i)
+              (*static_cast<std::vector<Bounds3>*>(ctx))[n->prims[i]].Extend(
+                  Bounds3{LoadVec3(n->bounds), LoadVec3(n->bounds + 3)});
+            return 0;
+          },
+          &covered);
+      for (uint32_t i = 0; i < covered.size(); ++i)
+        EXPECT_TRUE(covered[i].Contains(PrimBounds(geometry, i))) << mesh.name << " " << numerics << " " << i;
+    }
+  }
+}
+
+/// References of all leaves per primitive, and the deepest level.
+std::pair<double, uint32_t> ReferencesAndDepth(const Tree& tree, size_t prims) {
+  std::pair<double, uint32_t> result{0, 0};
+  tree.structure().visit(
+      tree.get(),
+      [](void* ctx, const rb_node* n) {
+        auto& r = *static_cast<std::pair<double, uint32_t>*>(ctx);
+        r.first += n->prim_count, r.second = std::max(r.second, n->depth);
+        return 0;
+      },
+      &result);
+  result.first /= double(prims);
+  return result;
+}
+
+TEST_P(SpacePartitionBuild, IsBoundedWhateverLiesAcrossWhat) {
+  // The same large triangles, the same needles, and few others among them that make dividing look worthwhile.
+  Mesh needles{"needles", {{0, 0, 0}, {1, 1, 1}, {1, 1, 1.0001f}}, {}};
+  for (int i = 0; i < 20000; ++i) needles.triangles.push_back({0, 1, 2});
+  Mesh mixed = Coincident(10000);
+  const Mesh ball = Moved(Ball(2), 0.01f, {0.3f, 0.3f, 0.2f}, "ball");
+  for (auto t : ball.triangles) {
+    for (uint32_t& v : t) v += uint32_t(mixed.positions.size());
+    mixed.triangles.push_back(t);
+  }
+  mixed.positions.insert(mixed.positions.end(), ball.positions.begin(), ball.positions.end());
+  for (const Mesh& mesh : {Coincident(10000), needles, mixed}) {
+    const auto [references, depth] =
+        ReferencesAndDepth(Build(GetParam(), mesh.Geometry(), 2), mesh.triangles.size());
+    EXPECT_GE(references, 1);
+    EXPECT_LE(references, 16) << mesh.name;
+    EXPECT_LE(depth, 24u);
+  }
+}
+
+TEST_P(SpacePartitionBuild, EndsAtTheMemoryLimitAndWhenCancelled) {
+  const Mesh mesh = Ball(5);
+  const Registry registry;
+  rb_build_options options = DefaultBuildOptions();
+  options.memory_limit = 1000;
+  EXPECT_THROW(Tree(ParseContestant(registry, GetParam()), mesh.Geometry(), options), BuildError);
+  options.memory_limit = 0;
+  const int cancel = 1;
+  options.cancel = &cancel;
+  EXPECT_THROW(Tree(ParseContestant(registry, GetParam()), mesh.Geometry(), options), BuildError);
+}
+
+INSTANTIATE_TEST_SUITE_P(Every, SpacePartitionBuild,
+                         ::testing::Values("grid", "grid_recursive", "octree", "quadtree"),
+                         [](const auto& i) { return i.param; });
+
+TEST(Grid, RulesGiveTheResolutionsThatTheySay) {
+  Mesh mesh{"box", {}, {}};
+  Random random(8);
+  for (uint32_t i = 0; i < 1000; ++i) {  // small triangles in a box of 4 x 2 x 1
+    const Vec3f at = i == 0   ? Vec3f{0, 0, 0}
+                     : i == 1 ? Vec3f{4, 2, 1}
+                              : Vec3f{4 * random.NextFloat(), 2 * random.NextFloat(), random.NextFloat()};
+    for (Vec3f p : {at, at + Vec3f{1e-4f, 0, 0}, at + Vec3f{0, 1e-4f, 1e-4f}}) mesh.positions.push_back(p);
+    mesh.triangles.push_back({3 * i, 3 * i + 1, 3 * i + 2});
+  }
+  auto cells = [&](const std::string& spec) {
+    const Tree tree = Build(spec, mesh.Geometry());
+    int64_t n = -1;  // the root is no cell
+    tree.structure().visit(
+        tree.get(),
+        [](void* ctx, const rb_node*) {
+          ++*static_cast<int64_t*>(ctx);
+          return 0;
+        },
+        &n);
+    return n;
+  };
+  EXPECT_EQ(cells("grid(rule=regular,density=1)"), 10 * 10 * 10);
+  EXPECT_EQ(cells("grid(rule=woo,density=8)"), 20 * 10 * 5);
+  EXPECT_EQ(cells("grid(rule=heterogeneous,density=1)"), 20 * 10 * 5);
+  EXPECT_EQ(cells("grid(resolution_x=3,resolution_y=5,resolution_z=7)"), 3 * 5 * 7);
+}
+
 }  // namespace
 }  // namespace raybench::testing

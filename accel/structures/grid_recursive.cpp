@@ -37,7 +37,7 @@ class GridRecursive {
         {"density", "cells per primitive, of each grid", RB_FLOAT, RB_PARAM_LOG, offsetof(Config, density), 0,
          0.001, 64, 0.5, nullptr},
         {"references", "most references per primitive, of each grid, which has fewer cells otherwise",
-         RB_FLOAT, RB_PARAM_LOG, offsetof(Config, references), 0, 1, 1024, 8, nullptr},
+         RB_FLOAT, RB_PARAM_LOG, offsetof(Config, references), 0, 1, 1024, 16, nullptr},
         {"levels", "grids inside each other", RB_INT, 0, offsetof(Config, levels), 0, 1,
          double(VoxelGrid::kMaxLevels), 4, nullptr},
         {"leaf_size", "cells with more primitives get a grid", RB_INT, 0, offsetof(Config, leaf_size), 0, 1,

@@ -57,7 +57,7 @@ class Octree {
         {"growth", "cells are not divided where their children would hold so many times their references",
          RB_FLOAT, 0, offsetof(Config, growth), 0, 1, 9, 3, nullptr},
         {"references", "most references per primitive, of the whole tree", RB_FLOAT, RB_PARAM_LOG,
-         offsetof(Config, references), 0, 1, 1024, 8, nullptr},
+         offsetof(Config, references), 0, 1, 1024, 16, nullptr},
         {"insertion", kInsertionDoc, RB_CHOICE, 0, offsetof(Config, insertion), 0, 0, 0, 0,
          kInsertionChoices}};
     return params;
