@@ -12,11 +12,11 @@
 namespace raybench {
 namespace {
 
-using testing::AllOf;
-using testing::AnyOf;
-using testing::ElementsAre;
+using ::testing::AllOf;
+using ::testing::AnyOf;
+using ::testing::ElementsAre;
 using testing::FileMesh;
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 using testing::MeshFormat;
 
 constexpr double kInf = std::numeric_limits<double>::infinity(),
