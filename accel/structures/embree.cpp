@@ -168,6 +168,7 @@ class Embree {
   static rb_hit TraceUnusual(const rb_ray& ray, const Trace& trace) {
     rb_hit hit{ray.tfar, 0, 0, RAYBENCH_NONE};
     if (!IsValidRay(ray)) return hit;
+    const FloatState ieee;  // a t below the normal floats is no 0
     TraceRescaled(RayQuery{ray}, hit, [&](const RayQuery& scaled) {
       if (IsTaken(scaled.ray)) hit = trace(scaled.ray);
     });
