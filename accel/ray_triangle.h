@@ -186,9 +186,9 @@ class WatertightTest {
     if ((e.u < 0 || e.v < 0 || e.w < 0) && (e.u > 0 || e.v > 0 || e.w > 0)) return false;
     const F det = e.u + e.v + e.w;
     if (det == 0) return false;
-    const float sz = shear_.sz;
-    hit = {float((e.u * F(sz * z[0]) + e.v * F(sz * z[1]) + e.w * F(sz * z[2])) / det), float(e.v / det),
-           float(e.w / det)};
+    // Weights first: products with edge functions, squares of lengths, underflow in small scenes.
+    const F u = e.u / det, v = e.v / det, w = e.w / det;
+    hit = {float((u * F(z[0]) + v * F(z[1]) + w * F(z[2])) * F(shear_.sz)), float(v), float(w)};
     return true;
   }
 

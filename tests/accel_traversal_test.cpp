@@ -209,6 +209,26 @@ TEST(Contract, DirectionsOfAnyLengthHitTheSame) {
   EXPECT_GE(exact_scales, 3);
 }
 
+TEST(Contract, TScalesWithTheDirectionInSmallScenesToo) {
+  const Mesh mesh = Moved(Ball(3), 0x1p-29f, {0, 0, 0}, "small");
+  for (const char* numerics : {"watertight", "double", "exact"}) {
+    const Tree tree = Build(std::string("bvh_sah(numerics=") + numerics + ")", mesh.Geometry());
+    auto rays = NastyRays(mesh, 100, 10);
+    const auto expected = Closest(tree, rays);
+    for (int e : {-20, 20, 50, 80}) {
+      auto scaled = rays;
+      for (rb_ray& ray : scaled) {
+        for (float& d : ray.dir) d = std::ldexp(d, e);
+      }
+      const auto got = Closest(tree, scaled);
+      for (size_t i = 0; i < rays.size(); ++i) {
+        ASSERT_EQ(got[i].prim, expected[i].prim) << numerics << " 2^" << e << " ray " << i;
+        ASSERT_EQ(std::ldexp(got[i].t, e), expected[i].t) << numerics << " 2^" << e << " ray " << i;
+      }
+    }
+  }
+}
+
 TEST(RayTriangle, FourLanesNeverRejectWhatOneAccepts) {
   const Mesh mesh = Ball(2);
   const auto rays = NastyRays(mesh, 100, 3);
