@@ -11,7 +11,8 @@
 // sheared vertices the signs of the edge functions are exact, so an accepted ray passes the triangle's box
 // within 6 u |p.x-o.x| + 6 u E along x and y, and within its z extent. The first term moves t by 6 u
 // relatively, the slab arithmetic by 3 u more, at either end: the far end is scaled by 1 + 32 u. The second
-// does not depend on the ray: a triangle's box is padded by 8 u E when the tree is built.
+// does not depend on the ray: a triangle's box is padded by 16 u E when the tree is built, or by an ulp of
+// the coordinate where that is more; rounding takes at most half of it back.
 //
 // Tests in double and exact ones find t itself to within rounding. Their t must not be clamped into an
 // interval that float arithmetic computed (ray_primitive.h), so the near end is scaled too, by 1 - 32 u: then
@@ -33,7 +34,7 @@ namespace raybench {
 /// The box from lo to hi, padded as above for a triangle of that extent; at least by one ulp of each
 /// coordinate, since less would be rounded away.
 inline Bounds3 PaddedBounds(Vec3f lo, Vec3f hi, float extent) {
-  const float pad = extent * 0x1p-21f;
+  const float pad = extent * 0x1p-20f;
   Bounds3 b;
   for (int a = 0; a < 3; ++a) {
     b.lo[a] = lo[a] - std::max(pad, std::fabs(lo[a]) * 0x1p-23f);

@@ -75,6 +75,8 @@ int RenderCommand(const Registry& registry, const RenderOptions& options) {
   load.seed = options.seed;
   load.drop_bad = options.drop_bad;
   const Scene scene = LoadWithProgress(options.scene, load);
+  if (scene.primitive_count() == 0)
+    throw InputError(fmt::format("scene '{}' has no primitives", options.scene));
   for (const std::string& note : scene.stats.notes) fmt::print("{}: {}\n", options.scene, note);
   if (heat) return RenderHeat(registry, scene, *heat);
   if (scene.procedural_count() > 0 && (contestant.structure->capabilities & RB_CAN_PROCEDURAL) == 0) {

@@ -109,10 +109,17 @@ TEST(Rays, ValidityIsWhatTheContractSays) {
   EXPECT_FALSE(IsValidRay(bad));
   bad = good, bad.tnear = -1;
   EXPECT_FALSE(IsValidRay(bad));
+  bad = good, bad.tnear = -1e-45f;
+  EXPECT_FALSE(IsValidRay(bad));
+  bad = good, bad.tnear = INFINITY;
+  EXPECT_FALSE(IsValidRay(bad));
   bad = good, bad.tfar = NAN;
   EXPECT_FALSE(IsValidRay(bad));
   bad = good, bad.dir[0] = INFINITY;
   EXPECT_FALSE(IsValidRay(bad));
+  const float most = std::numeric_limits<float>::max();
+  EXPECT_TRUE(IsValidRay({{-most, most, -0.0f}, -0.0f, {0, -1e-45f, -0.0f}, INFINITY}));
+  EXPECT_TRUE(IsValidRay({{0, 0, 0}, most, {most, -most, 0}, -INFINITY}));
 }
 
 }  // namespace

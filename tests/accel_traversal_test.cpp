@@ -229,6 +229,16 @@ TEST(Contract, TScalesWithTheDirectionInSmallScenesToo) {
   }
 }
 
+TEST(RayTriangle, RoundingToFloatIsNotOptimisedAway) {
+  // CMakeLists.txt: a compiler does away with it, two at a time.
+  std::vector<Vec3d> points = {{1, 2, 3}, {4, 5, 6}, {7, 8, 9}};
+  const volatile double third = 1.0 / 3;
+  for (Vec3d& p : points) p = ToDouble(ToFloat(p * third));
+  for (Vec3d p : points) {
+    for (int a = 0; a < 3; ++a) EXPECT_EQ(std::fmod(p[a], 0x1p-25), 0);
+  }
+}
+
 TEST(RayTriangle, FourLanesNeverRejectWhatOneAccepts) {
   const Mesh mesh = Ball(2);
   const auto rays = NastyRays(mesh, 100, 3);

@@ -12,7 +12,7 @@
 // absolute components. A triangle whose test accepts the ray may lie 6 u |p-o| beside it along each axis, so
 // 18 u |p-o| along n, and |p-o| <= t |d|: the ray gets to the slab as if n.d were larger by 18 u |d|, and
 // leaves it as if n.d were smaller by that; where nothing is left of n.d, it does not leave. We take 32 u. At
-// build the slabs are padded by 3 x 8 u E for the triangle's extent E, the box's padding along each of three
+// build the slabs are padded by 32 u E for the triangle's extent E, more than the 6 u E of a box along three
 // axes, and rounded outward.
 //
 // A computed t may lie anywhere in the primitive's box (ray_primitive.h), in the corners that are cut off,

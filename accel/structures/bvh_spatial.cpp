@@ -13,7 +13,7 @@
 //
 // Robustness. The test accepts rays that pass a triangle within 6 u |p-o| + 6 u E of a point q of it
 // (ray_bounds.h). q lies in one of the parts, so each part's box is padded as much as the whole triangle's,
-// by 8 u E, after rounding outward; then that part's leaf is visited, and nothing is lost. But no leaf's box
+// by 16 u E, after rounding outward; then that part's leaf is visited, and nothing is lost. But no leaf's box
 // holds every t that rounding can give: where float puts t outside of the part, another hit may come first
 // that brute force finds to lie behind it. Under `watertight` ids may then differ from those of other
 // structures, within the test's own error; under `double` and `exact`, whose t is right, they do not.
