@@ -166,7 +166,9 @@ TEST_P(BadFile, EveryTruncationLoadsOrNamesTheFile) {
     const std::string path = files_.Write(GetParam().file, text.substr(0, n));
     try {
       const Scene scene = LoadScene(path, options);
-      EXPECT_TRUE(may_end_anywhere) << n;
+      EXPECT_TRUE(may_end_anywhere ||
+                  (file == "ascii.stl" && text.substr(0, n).find("endsolid") != text.npos))
+          << n;
       EXPECT_LE(scene.triangles.size(), 2u);
     } catch (const InputError& e) {
       const std::string message = e.what();
