@@ -42,7 +42,7 @@ void AddOptions(CLI::App& command, ExtremesArguments& arguments) {
       ->check(CLI::Range(uint64_t{64}, uint64_t{1} << 24))
       ->type_name("N");
   command.add_option("--seed", options.seed, "Seed of everything random; default 1")->type_name("N");
-  command.add_flag("--quick", options.quick, "Every second point and fewer rays: within a minute");
+  command.add_flag("--quick", options.quick, "Every second point and fewer rays: two minutes");
   command.add_option("--out", options.out, "Result folder; default: results/extremes-<UTC time>")
       ->type_name("DIR");
   command.add_flag("--list", arguments.list, "Say what suites there are");

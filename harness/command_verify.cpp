@@ -39,7 +39,7 @@ the same scene, structure, parameters and raybench commit. A run takes the first
 has not yet seen for these, so that no ray counts twice: the same command again fires new rays.
 
 Examples:
-  raybench verify model.glb                                      all structures, about a minute
+  raybench verify model.glb                                      one structure of each family
   raybench verify "icosphere(level=6)" --structures "bvh_sah,embree(robust=true)" --rays 1M --out verified
   raybench verify model.obj --plugin ./libmine.so --structures mine --sets aimed_edge,planes
   raybench verify model.obj --structures mine --rays verified/model-mine-closest.rays
