@@ -48,8 +48,10 @@ INSTANTIATE_TEST_SUITE_P(
                              1, 42875, 37311, 35936, kExactly},
                       Static{"tetra", "grid(numerics=fast,resolution_x=16,resolution_y=16,resolution_z=16)",
                              1, 4096, 3018, 13396, 0.01},
+                      // Its n-gons bring padded boxes whatever the numerics: between the check's count of
+                      // references and the published 22,982.
                       Static{"teapot", "grid(numerics=fast,resolution_x=28,resolution_y=29,resolution_z=11)",
-                             1, 8932, 7231, 22565, 0.003},
+                             1, 8932, 7231, 22565, 0.005},
                       Static{"mount", "grid(numerics=fast,resolution_x=20,resolution_y=20,resolution_z=20)",
                              1, 8000, 6520, 21341, 0.002},
                       Static{"balls", "grid(numerics=fast,resolution_x=46,resolution_y=46,resolution_z=3)", 1,
