@@ -116,6 +116,9 @@ def test_what_a_suite_has_decides_its_panels(drawn):
     copies = svg_text(drawn / "plots" / "coincident.svg")
     assert "depth of the tree" in copies and "time to build" in copies
     assert "depth of the tree" not in scale
+    found = extremes.read(drawn)
+    panels = {suite["name"]: len(extremes.draw(found, suite).axes) for suite in found.suites}
+    assert panels == {"far": 4, "scale": 2 * 3, "coincident": 6}
 
 
 def figure_of(folder, name):

@@ -135,7 +135,8 @@ def draw(extremes, suite):
     titles = [[textwrap.wrap(label, int(cell * 18)) for _, label in quantities] for _, quantities in lines]
     highest = max(len(lines_of) for row in titles for lines_of in row)
     title = 0.12 + 0.115 * (highest + (1 if len(variants) > 1 else 0))
-    height, foot = 1.6, 0.42
+    x_title = textwrap.wrap(suite["axis_title"], int(cell * 16))
+    height, foot = 1.6, 0.21 + 0.105 * len(x_title)
     total = above + len(lines) * (title + height + foot) + below
     figure = plt.figure(figsize=(WIDTH, total))
     figure.text(0.008, 1 - 0.07 / total, suite["name"], fontsize=9, weight="bold", va="top")
@@ -171,7 +172,7 @@ def draw(extremes, suite):
             axis.set_title("\n".join(titles[i][k]), loc="left", pad=3, linespacing=1.1)
             _panel(axis, here, column, (colours, looks), place, bottoms.get(column))
             place.label(axis, cell - 0.6)
-            axis.set_xlabel(textwrap.fill(suite["axis_title"], int(cell * 16)), labelpad=2)
+            axis.set_xlabel("\n".join(x_title), labelpad=2, linespacing=1.1)
     return figure
 
 
@@ -260,6 +261,7 @@ def _panel(axis, rows, column, look, place, bottom):
         axis.set_yticks([])
     elif column == "depth":
         axis.set_ylim(0, max(1.08 * values[measured].max(), 1))
+        axis.yaxis.set_major_locator(style.ticker.MaxNLocator(5, integer=True))
     elif len(positive):
         style.scale([axis], positive, "y")
     _shade(axis, rows, place)
