@@ -22,7 +22,7 @@ struct Static {
 
 class SpdStatics : public ::testing::TestWithParam<Static> {};
 
-TEST_P(SpdStatics, AreThePublishedOnes) {
+TEST_P(SpdStatics, AgreeWithAnIndependentCheck) {
   const Static& expected = GetParam();
   const std::filesystem::path file = SharedData() / "spd" / (std::string(expected.scene) + ".nff");
   if (!std::filesystem::exists(file)) GTEST_SKIP() << "no " << file << "; set RAYBENCH_SHARED_DATA";
