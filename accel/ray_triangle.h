@@ -225,8 +225,11 @@ class BoundedFilter {
   RayShear shear_;
 };
 
-/// Woop's test in double. Signs are exact given the sheared vertices, which are off by 2^-52 of their
-/// distance: where two rounded products are equal, their rounding errors decide.
+/// Woop's test in double, sheared without a division: two products and a difference a coordinate, exact where
+/// the bits suffice, as on a lattice, and elsewhere off by 2^-52 of the vertex's distance. Signs are exact
+/// given these: where two rounded products are equal, their rounding errors decide. t weights the vertices'
+/// z, which suits slivers; where that leaves no more than rounding errors, as for a ray that starts in the
+/// triangle's plane, it is the plane's, which is exact on a lattice.
 class DoubleTest : public BoundedFilter {
  public:
   static constexpr Numerics kNumerics = Numerics::kDouble;
@@ -235,20 +238,29 @@ class DoubleTest : public BoundedFilter {
   explicit DoubleTest(const rb_ray& ray) : BoundedFilter(ray), org_(ToDouble(LoadVec3(ray.org))) {
     const RayShear shear(ray);
     kx_ = shear.kx, ky_ = shear.ky, kz_ = shear.kz;
-    sz_ = 1 / double(ray.dir[kz_]), sx_ = ray.dir[kx_] * sz_, sy_ = ray.dir[ky_] * sz_;
+    dir_ = ToDouble(LoadVec3(ray.dir));
   }
 
   bool Intersect(Vec3f p0, Vec3f p1, Vec3f p2, PrimHit& hit) const {
     const Vec3d a[3] = {ToDouble(p0) - org_, ToDouble(p1) - org_, ToDouble(p2) - org_};
     double x[3], y[3];
-    for (int i = 0; i < 3; ++i) x[i] = a[i][kx_] - sx_ * a[i][kz_], y[i] = a[i][ky_] - sy_ * a[i][kz_];
+    for (int i = 0; i < 3; ++i) {
+      x[i] = Edge(a[i][kx_], dir_[kz_], dir_[kx_], a[i][kz_]);
+      y[i] = Edge(a[i][ky_], dir_[kz_], dir_[ky_], a[i][kz_]);
+    }
     const double u = Edge(x[2], y[1], y[2], x[1]), v = Edge(x[0], y[2], y[0], x[2]),
                  w = Edge(x[1], y[0], y[1], x[0]);
     if ((u < 0 || v < 0 || w < 0) && (u > 0 || v > 0 || w > 0)) return false;
     const double det = u + v + w;
     if (det == 0) return false;
-    hit = {float((u * a[0][kz_] + v * a[1][kz_] + w * a[2][kz_]) / det * sz_), float(v / det),
-           float(w / det)};
+    const double z0 = a[0][kz_], z1 = a[1][kz_], z2 = a[2][kz_], z = (u * z0 + v * z1 + w * z2) / det;
+    double t = z / dir_[kz_];
+    if (std::fabs(z) < 0x1p-48 * (std::fabs(z0) + std::fabs(z1) + std::fabs(z2))) {
+      const Vec3d normal = Cross(ToDouble(p1) - ToDouble(p0), ToDouble(p2) - ToDouble(p0));
+      const double along = Dot(normal, dir_);
+      if (along != 0) t = Dot(normal, a[0]) / along;
+    }
+    hit = {float(t), float(v / det), float(w / det)};
     return true;
   }
 
@@ -259,8 +271,7 @@ class DoubleTest : public BoundedFilter {
     return ab != cd ? ab - cd : std::fma(a, b, -ab) - std::fma(c, d, -cd);
   }
 
-  Vec3d org_;
-  double sx_, sy_, sz_;
+  Vec3d org_, dir_;
   int kx_, ky_, kz_;
 };
 

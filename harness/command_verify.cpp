@@ -61,7 +61,7 @@ void AddOptions(CLI::App& command, VerifyArguments& arguments) {
   CLI::Option* rays =
       command
           .add_option("--rays", arguments.rays,
-                      "A number: rays of a set, default 32K. A .rays file or a folder of them: judge these "
+                      "A number: rays of a set, default 16K. A .rays file or a folder of them: judge these "
                       "instead. May be repeated")
           ->allow_extra_args(false)
           ->type_name("N|FILE");

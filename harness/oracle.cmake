@@ -17,7 +17,6 @@ add_library(raybench_verdict STATIC
 target_link_libraries(raybench_verdict PUBLIC raybench_tracer Boost::headers PRIVATE raybench_flags TBB::tbb)
 
 if(RAYBENCH_WITH_CGAL)
-  find_package(CGAL 5.5 CONFIG REQUIRED)
   add_library(raybench_oracle STATIC oracle_audit.cpp oracle_cgal.cpp)
   target_link_libraries(raybench_oracle PRIVATE raybench_verdict raybench_flags CGAL::CGAL fmt::fmt)
   # With sanitizers GCC 12 suspects CGAL's own templates.

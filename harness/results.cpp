@@ -57,7 +57,9 @@ constexpr const char* kCaseColumns[] = {"case_id",
                                         "references",
                                         "depth",
                                         "sah_cost",
-                                        "epo",  //
+                                        "epo",
+                                        "leaf_depth",
+                                        "tightness",  //
                                         "node_bytes",
                                         "prim_bytes",
                                         "needs_geometry",

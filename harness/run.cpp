@@ -14,6 +14,7 @@
 
 #include "datasets/fetch.h"
 #include "datasets/hash.h"
+#include "harness/bound_tightness.h"
 #include "harness/build_options.h"
 #include "harness/check.h"
 #include "harness/end_point_overlap.h"
@@ -47,7 +48,7 @@ constexpr double kLongPassSeconds = 0.25;
 constexpr double kLinearBudget = 0x1p25;
 
 /// Triangles whose overlap with strange nodes is measured.
-constexpr uint64_t kOverlapSamples = 1 << 14;
+constexpr uint64_t kTreeSamples = 1 << 14;
 
 /// Pixels across the heat maps of the report.
 constexpr uint32_t kHeatSide = 256;
@@ -378,7 +379,8 @@ class Run {
     if (const auto statistics = ReadTree(entrant.tree, geometry)) {
       flaw = statistics->flaw;
       AddTreeValues(entrant, *statistics,
-                    EndPointOverlap(entrant.tree, geometry, kOverlapSamples, options_.seed));
+                    EndPointOverlap(entrant.tree, geometry, kTreeSamples, options_.seed),
+                    BoundTightness(entrant.tree, geometry, kTreeSamples, options_.seed));
     }
     entrant.set_values.assign(sets.size(), Json::object());
     for (size_t i = 0; i < sets.size(); ++i) {
@@ -450,7 +452,8 @@ class Run {
     return tree;
   }
 
-  static void AddTreeValues(Entrant& entrant, const TreeStatistics& s, std::optional<double> overlap) {
+  static void AddTreeValues(Entrant& entrant, const TreeStatistics& s, std::optional<double> overlap,
+                            std::optional<double> tightness) {
     for (auto& [threads, values] : entrant.build_values) {
       if (!values.contains("node_bytes")) continue;
       values["inner_nodes"] = s.inner_nodes;
@@ -460,6 +463,8 @@ class Run {
       values["depth"] = s.depth;
       if (s.sah_cost) values["sah_cost"] = *s.sah_cost;
       if (overlap) values["epo"] = *overlap;
+      if (s.leaf_depth) values["leaf_depth"] = *s.leaf_depth;
+      if (tightness) values["tightness"] = *tightness;
     }
   }
 

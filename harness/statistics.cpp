@@ -63,6 +63,7 @@ class Visitor {
       box = {LoadVec3(node.bounds), LoadVec3(node.bounds + 3)};
       if (nodes_ == 0) root_area_ = box.HalfArea();
       weighted_area_ += double(box.HalfArea()) * (node.is_leaf ? node.prim_count : 1);
+      if (node.is_leaf) leaf_area_ += box.HalfArea(), leaf_depths_ += double(box.HalfArea()) * node.depth;
     } else {
       all_boxes_ = false;
     }
@@ -90,6 +91,7 @@ class Visitor {
     if (const auto prim = FirstUncovered())
       Flaw(fmt::format("the leaves of primitive {} leave out part of it", *prim));
     if (all_boxes_ && root_area_ > 0) statistics_.sah_cost = weighted_area_ / root_area_;
+    if (all_boxes_ && leaf_area_ > 0) statistics_.leaf_depth = leaf_depths_ / leaf_area_;
     return std::move(statistics_);
   }
 
@@ -186,7 +188,7 @@ class Visitor {
 
   const rb_geometry& geometry_;
   TreeStatistics statistics_;
-  double weighted_area_ = 0, root_area_ = 0;
+  double weighted_area_ = 0, root_area_ = 0, leaf_area_ = 0, leaf_depths_ = 0;
   uint64_t nodes_ = 0;
   uint32_t last_depth_ = 0;
   bool last_is_leaf_ = false, all_boxes_ = true;

@@ -20,6 +20,9 @@ struct TreeStatistics {
   /// Sum over nodes of area / root area x (1 for an inner node, primitives for a leaf) (MacDonald, Booth
   /// 1990). Absent when a node is not a box or the root has no area.
   std::optional<double> sah_cost;
+  /// Depth of the leaves that a random line through the root meets, mean: weighted by their areas. Absent as
+  /// sah_cost is.
+  std::optional<double> leaf_depth;
   /// No boxes, and either of a shape that is not known (spheres and k-DOPs are) or perhaps around a
   /// procedural primitive, of which only the box is known: whether they enclose it is not checked.
   uint64_t unchecked_nodes = 0;

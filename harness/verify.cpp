@@ -35,7 +35,7 @@ constexpr uint64_t kChunk = 1 << 15;
 constexpr uint64_t kAnyStride = 4;
 /// Primitives that a linear structure (RB_LINEAR) which nobody named looks at for a set, a fraction of a
 /// second.
-constexpr double kLinearBudget = 0x1p27;
+constexpr double kLinearBudget = 0x1p25;
 
 /// Part of a ray set with its truth.
 struct Chunk {

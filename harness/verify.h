@@ -28,7 +28,7 @@ struct VerifyOptions {
   std::string ledger;     ///< file in which RunClosed() adds up; empty: none
   std::vector<std::string> command_line;
 
-  uint64_t RaysPerSet() const { return rays != 0 ? rays : 1u << 15; }
+  uint64_t RaysPerSet() const { return rays != 0 ? rays : 1u << 14; }
 };
 
 /// Judges, prints the tables to stdout and everything else to stderr, writes files if asked to. Returns the

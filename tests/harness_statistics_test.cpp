@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "datasets/random.h"
+#include "harness/bound_tightness.h"
 #include "harness/cover.h"
 #include "harness/end_point_overlap.h"
 #include "harness/plan.h"
@@ -323,6 +324,53 @@ TEST(HarnessEndPointOverlap, CountsTheAreaOfStrangersInEachNode) {
   // A leaf of two primitives costs two, and both belong to it.
   hand.nodes[2].prim_count = 2;
   EXPECT_EQ(*EndPointOverlap(hand.Build(mesh.Geometry()), mesh.Geometry(), 100, 1), 0);
+}
+
+TEST(HarnessBoundTightness, IsTheRatioOfAreasForOneTriangle) {
+  // For convex bodies the share of random lines is the ratio of surfaces (Cauchy); a triangle has two sides.
+  testing::Mesh mesh;
+  mesh.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+  mesh.triangles = {{0, 1, 2}};
+  const float box[] = {0, 0, -1, 1, 1, 1}, ball[] = {0, 0, 0, 1}, half[] = {0, 0, 0, 0.5f, 1, 1};
+  float kdop[14] = {0, 0, -1, -9, -9, -9, -9, 1, 1, 1, 9, 9, 9, 9};
+  const uint32_t prim = 0;
+  HandTree hand;
+  const auto tightness = [&](uint32_t shape, const float* bounds, uint32_t count) {
+    hand.nodes = {{0, 1, 1, shape, bounds, count, 1, &prim}};
+    return BoundTightness(hand.Build(mesh.Geometry()), mesh.Geometry(), 1 << 16, 1).value();
+  };
+  const double error = 3 * 0.5 / std::sqrt(65536 / 3.0);
+  EXPECT_NEAR(tightness(RB_SHAPE_BOX, box, 6), 1.0 / 10, error);
+  EXPECT_NEAR(tightness(RB_SHAPE_SPHERE, ball, 4), 1 / (4 * M_PI), error);
+  EXPECT_NEAR(tightness(RB_SHAPE_KDOP, kdop, 14), 1.0 / 10, error);
+  // Cut at x + y + z <= 1, beyond which the triangle does not reach, the k-DOP loses surface.
+  kdop[10] = 1;
+  EXPECT_GT(tightness(RB_SHAPE_KDOP, kdop, 14), 1.15 / 10);
+  // Only what is hit within the bounds counts: three quarters of the triangle lie at x <= 0.5.
+  EXPECT_NEAR(tightness(RB_SHAPE_BOX, half, 6), 0.75 / 4, error);
+  // An empty leaf has nothing to hit and is not asked; two leaves count by how often lines meet them.
+  hand.nodes = {{0, 0, 1, RB_SHAPE_BOX, box, 6, 0, nullptr},
+                {1, 1, 1, RB_SHAPE_BOX, box, 6, 0, nullptr},
+                {1, 1, 1, RB_SHAPE_BOX, box, 6, 1, &prim}};
+  EXPECT_NEAR(*BoundTightness(hand.Build(mesh.Geometry()), mesh.Geometry(), 1 << 16, 1), 1.0 / 10, error);
+  hand.nodes = {{0, 1, 1, RB_SHAPE_BOX, box, 6, 0, nullptr}};
+  EXPECT_FALSE(BoundTightness(hand.Build(mesh.Geometry()), mesh.Geometry(), 100, 1));
+}
+
+TEST(HarnessTreeStatistics, LeafDepthIsWeightedByArea) {
+  const testing::Mesh mesh = TwoTriangles();
+  const float root[] = {0, 0, 0, 3, 1, 1}, left[] = {0, 0, 0, 1, 1, 1}, right[] = {1, 0, 0, 3, 1, 1},
+              near[] = {1, 0, 0, 2, 1, 1}, far[] = {2, 0, 0, 3, 1, 1};
+  const uint32_t prims[] = {0, 1};
+  HandTree hand;
+  hand.nodes = {{0, 0, 1, RB_SHAPE_BOX, root, 6, 0, nullptr},
+                {1, 1, 1, RB_SHAPE_BOX, left, 6, 1, prims},
+                {1, 0, 1, RB_SHAPE_BOX, right, 6, 0, nullptr},
+                {2, 1, 1, RB_SHAPE_BOX, near, 6, 0, nullptr},
+                {2, 1, 1, RB_SHAPE_BOX, far, 6, 1, prims + 1}};
+  const auto statistics = ReadTree(hand.Build(mesh.Geometry()), mesh.Geometry());
+  ASSERT_TRUE(statistics && statistics->leaf_depth);
+  EXPECT_NEAR(*statistics->leaf_depth, (6 * 1 + 6 * 2 + 6 * 2) / 18.0, 1e-6);
 }
 
 TEST(HarnessPlan, PicksAreDistinctAscendingSeededAndAllOfASmallSet) {

@@ -189,7 +189,7 @@ TEST_F(HarnessVerify, MalformedAnswersBreakTheContractWhateverIsClaimed) {
 }
 
 TEST_F(HarnessVerify, TheDefaultIsEveryStructureAtEachNumericsAndLinearOnesGetAPart) {
-  const Outcome outcome = Verify({"icosphere(level=5)", "--sets", "random,planes", "--rays", "8K", "--any",
+  const Outcome outcome = Verify({"icosphere(level=5)", "--sets", "random,planes", "--rays", "2K", "--any",
                                   "--examples", "0", "--out", In("out")});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   const Registry registry;
@@ -202,9 +202,9 @@ TEST_F(HarnessVerify, TheDefaultIsEveryStructureAtEachNumericsAndLinearOnesGetAP
     seen.insert(row.at("spec"));
     const uint64_t rays = Number(row, "rays");
     if (registry.Find(row.at("structure")).capabilities & RB_LINEAR) {
-      EXPECT_EQ(rays, 4096u);
+      EXPECT_EQ(rays, 1024u);
     } else {
-      EXPECT_EQ(rays, 8192u);
+      EXPECT_EQ(rays, 2048u);
     }
   }
   EXPECT_EQ(seen, expected);

@@ -114,6 +114,8 @@ _BUILD_COLUMNS = [
     ("references", True, _number("references", "{:,.0f}")),
     ("SAH cost", True, _number("sah_cost", "{:,.4g}")),
     ("EPO", True, _number("epo", "{:,.4g}")),
+    ("leaf depth", True, _number("leaf_depth", "{:,.3g}")),
+    ("P(primitive hit | bound hit)", True, _number("tightness", "{:.3f}")),
     ("nodes, MB", True, _number("node_bytes", "{:,.3f}", 1e-6)),
     ("copied primitives, MB", True, _number("prim_bytes", "{:,.3f}", 1e-6)),
     ("scene still needed", False, lambda case: {0: "no", 1: "yes"}.get(case.needs_geometry)),

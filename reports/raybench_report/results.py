@@ -20,8 +20,8 @@ VERDICTS = [
 CASE_NUMBERS = [
     "primitives", "rays", "threads", "seed", "verified", *VERDICTS, "t_error_p50", "t_error_p99", "t_error_max", "hits",
     "steps", "leaves", "empty_leaves", "bounds", "prims", "bytes", "lcv", "inner_nodes", "leaf_nodes",
-    "empty_leaf_nodes", "references", "depth", "sah_cost", "epo", "node_bytes", "prim_bytes", "needs_geometry", "samples", "build_peak_bytes",
-    "cold_ns", "median_ns", "lo_ns", "hi_ns", "rate",
+    "empty_leaf_nodes", "references", "depth", "sah_cost", "epo", "leaf_depth", "tightness", "node_bytes", "prim_bytes",
+    "needs_geometry", "samples", "build_peak_bytes", "cold_ns", "median_ns", "lo_ns", "hi_ns", "rate",
 ]  # fmt: skip
 
 # The structure that always misses: what it costs is the harness's own cost.
