@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 import pytest
-from raybench_report import results, style
+from raybench_report import predictors, results, style
 from raybench_report.__main__ import main
 
 REPORTS_README = Path(__file__).parents[1] / "reports" / "README.md"
@@ -316,3 +316,40 @@ def test_wrong_arguments_get_exit_code_2(capsys):
     assert main(["a", "--colour", "red"]) == 2
     assert main(["--help"]) == 0
     capsys.readouterr()
+
+
+def builders_run(noise=0.0):
+    """Five builders on two scenes, whose times follow the SAH cost, but for noise, and have nothing to do with EPO."""
+    random_source = random.Random(3)
+    rows = []
+    for scene, slowness in (("soup", 100), ("city", 900)):
+        for i, spec in enumerate(["bvh_sah", "bvh_median", "bvh_ploc", "bvh_sweep(reinsertion=3)", "bvh_spatial"]):
+            sah = 20 + 3 * i
+            changes = {
+                "structure": spec.partition("(")[0], "spec": spec, "sah_cost": sah,
+                "epo": [5, 1, 3, 2, 4][i], "lcv": 1 + i % 2,
+                "median_ns": slowness * sah * random_source.uniform(1 - noise, 1 + noise),
+            }  # fmt: skip
+            rows.append(case("bvh_sah", scene, "random", "closest", random.Random(i)) | changes)
+            rows.append(case("bvh_sah", scene, "shadow.0", "any", random.Random(i)) | changes)
+    return rows
+
+
+def test_predictors_are_measured_within_scenes(tmp_path):
+    run = results.read(write_run(tmp_path / "run", builders_run()))
+    ((label, trees, sah, epo, lcv, both, every),) = predictors.table(run)  # any-hit rays and few trees are left out
+    assert (label, trees) == ("random", 10)
+    assert sah == pytest.approx(1) and both == pytest.approx(1) and every == pytest.approx(1)
+    assert epo == pytest.approx(0.01, abs=1e-6)  # corr(20 + 3 i, [5, 1, 3, 2, 4]) = -0.1
+    assert 0 <= lcv < 0.2
+    noisy = results.read(write_run(tmp_path / "noisy", builders_run(0.2)))
+    assert 0.3 < predictors.table(noisy)[0][2] < 0.99
+
+
+def test_predictors_have_a_plot_and_a_table_where_several_builders_ran(tmp_path, drawn):
+    run = write_run(tmp_path / "run", builders_run())
+    assert main([str(run)]) == 0
+    shown = svg_text(run / "plots" / "predictors.svg")
+    assert "SAH cost: R² random 1.00" in shown and "EPO: R² random 0.01" in shown
+    assert "Predictors of time" in (run / "report.html").read_text()
+    assert "Predictors of time" not in (drawn / "report.html").read_text()

@@ -5,6 +5,7 @@ import json
 
 import pandas as pd
 
+from . import predictors
 from .results import VERDICTS, write_atomically
 
 STYLE = """
@@ -45,6 +46,7 @@ def write(run, drawn, sheets=()):
         parts.append('<h2>Heat maps</h2><div class="sheets">')
         parts += [figure(f"plots/{name}.png", f"plots/{name}.png", title) for name, title in sheets]
         parts.append("</div>")
+    parts += _predictors(run)
     parts += ["<h2>Builds</h2>", _table(run.builds, _BUILD_COLUMNS)]
     parts += ["<h2>Queries</h2>", _table(run.queries, _QUERY_COLUMNS)]
     parts += [
@@ -74,6 +76,24 @@ def figure(shown, linked, caption):
         f'<figure><a href="{_text(linked)}"><img src="{_text(shown)}" alt="{_text(caption)}"></a>'
         f"<figcaption>{_text(caption)}</figcaption></figure>"
     )
+
+
+def _predictors(run):
+    """R² of the quality predictors where several builders were measured."""
+    rows = predictors.table(run)
+    if not rows:
+        return []
+    heads = ["ray set", "trees", *predictors.PREDICTORS.values(), "SAH cost and EPO", "all three"]
+    lines = "".join(
+        f"<tr><td>{_text(label)}<td class=number>{trees}"
+        + "".join("<td class=number>" + ("–" if pd.isna(r) else f"{r:.2f}") for r in explained)
+        for label, trees, *explained in rows
+    )
+    return [
+        "<h2>Predictors of time</h2><p>R² of time per ray against figures of the tree, all relative to the mean of "
+        "scene and ray set, by least squares over the binary BVHs (structures bvh_* of one traversal).</p>",
+        f'<div class="scroll"><table><thead><tr>{"".join(f"<th>{_text(h)}" for h in heads)}<tbody>{lines}</table></div>',
+    ]
 
 
 def _number(column, pattern, factor=1):

@@ -4,7 +4,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.patches import Patch
 
-from . import style
+from . import predictors, style
 from .results import NULL, RunError, timed, write_atomically
 
 INTERVAL = "Mark: median over samples; line: its interval of at least 95 %, where wider than the mark."
@@ -22,6 +22,7 @@ def draw_all(run):
         ("primitive_tests", "Ray–primitive tests per ray", primitive_tests(run)),
         ("memory", "Memory of the built structures", memory(run)),
         ("error_and_speed", "Wrong answers against speed", error_and_speed(run)),
+        ("predictors", "What predicts the time of a tree: SAH cost, EPO, LCV", predictors.figure(run)),
     ]
     folder = run.directory / "plots"
     folder.mkdir(exist_ok=True)
