@@ -280,7 +280,7 @@ class NffReader {
   }
 
   void ReadLight() {
-    PointLight light;
+    Light light;
     const float x = Finite("light", "x"), y = Finite("light", "y"), z = Finite("light", "z");
     light.position = {x, y, z};
     // A colour is there if the line goes on with a number.

@@ -97,7 +97,7 @@ Camera AutomaticCamera(const Bounds3& bounds) {
 
 /// A key light over the camera's left shoulder and a weaker fill light from its right, both outside the
 /// bounds.
-std::vector<PointLight> AutomaticLights(const Bounds3& bounds, const Camera& camera) {
+std::vector<Light> AutomaticLights(const Bounds3& bounds, const Camera& camera) {
   Vec3d at = ToDouble(camera.at), back = ToDouble(camera.eye) - at;
   Vec3d up = ToDouble(camera.up), side = Cross(up, back);
   if (Dot(side, side) == 0) side = Cross(Vec3d{0.6, 0, 0.8}, back);
@@ -108,7 +108,7 @@ std::vector<PointLight> AutomaticLights(const Bounds3& bounds, const Camera& cam
     radius = Length(ToDouble(bounds.hi) - ToDouble(bounds.lo)) / 2;
   }
   auto light = [&](Vec3d direction, float intensity) {
-    return PointLight{ToFloat(at + Normalize(direction) * (4 * radius)), Vec3f{1, 1, 1} * intensity, false};
+    return Light{ToFloat(at + Normalize(direction) * (4 * radius)), Vec3f{1, 1, 1} * intensity, false};
   };
   return {light(back + up * 1.2 - side * 0.7, 0.75f), light(back * 0.6 + up * 0.3 + side, 0.3f)};
 }
@@ -313,7 +313,7 @@ void Scene::Finish(bool drop_bad) {
     };
     rescale_all(spheres, sphere_material, "sphere"), rescale_all(cones, cone_material, "cone");
     for (Camera& c : cameras) c.eye = Saturated(c.eye, exponent), c.at = Saturated(c.at, exponent);
-    for (PointLight& l : lights) {
+    for (Light& l : lights) {
       l.position = Saturated(l.position, exponent);
       if (l.falloff) l.intensity = Saturated(l.intensity, 2 * exponent);
     }

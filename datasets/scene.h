@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <span>
@@ -30,20 +31,36 @@ struct Material {
   Vec3f emission{0, 0, 0};
   Vec3f reflect{0, 0, 0};   ///< k_r: weight of the ideal mirror ray
   Vec3f transmit{0, 0, 0};  ///< k_t: weight of the refracted ray
-  float ior = 1.5f;
+  float ior = 1.5f;         ///< index of refraction
+  Vec3f dispersion{0, 0, 0};  ///< added to `ior` for each channel; not 0: channels are refracted apart
+  /// Fresnel's equations for a dielectric of index `ior` share `transmit` between the refracted and the mirror
+  /// ray; otherwise the weights are constant.
+  bool fresnel = false;
+  /// Transmits straight on, like a pane too thin to bend a ray.
+  bool thin = false;
   /// Index into Scene::textures, looked up at Scene::uvs; -1: none. Its colour, from sRGB to linear,
   /// multiplies diffuse, reflect and transmit.
   int32_t base_color_texture = -1;
+  int32_t emission_texture = -1;  ///< likewise; multiplies emission
   float alpha = 1;  ///< times the texture's alpha
   AlphaMode alpha_mode = AlphaMode::kOpaque;
   float alpha_cutoff = 0.5f;  ///< for AlphaMode::kMask
 };
 
-/// Point light; `intensity` is divided by the squared distance when `falloff` is set.
-struct PointLight {
-  Vec3f position{0, 0, 0};
+enum class LightKind : uint8_t { kPoint, kDirectional, kSpot };
+
+/// A light without size. Where `falloff` is set, `intensity` is divided by the squared distance; no 4 pi.
+struct Light {
+  Vec3f position{0, 0, 0};  ///< not of a directional light
   Vec3f intensity{1, 1, 1};
-  bool falloff = false;
+  bool falloff = false;  ///< never of a directional light
+  LightKind kind = LightKind::kPoint;
+  Vec3f direction{0, 0, -1};  ///< unit; the way light travels; not of a point light
+  /// Spot: full within the cone of half angle acos(cos_inner), none outside that of cos_outer, and between them
+  /// the square of a linear ramp of the cosine, as glTF's KHR_lights_punctual recommends.
+  float cos_inner = 1, cos_outer = 0.70710678f;
+  /// Where light has faded to nothing (KHR_lights_punctual's window (1 - (d/range)^4)); infinite: never.
+  float range = std::numeric_limits<float>::infinity();
 };
 
 /// Pinhole camera; the image plane is spanned at distance 1. `tan_half_fov` belongs to the vertical angle.
@@ -97,10 +114,12 @@ class Scene {
   std::vector<uint32_t> polygon_vertices;  ///< indices of positions, in runs that the polygons name
   std::vector<Material> materials;         ///< at least one after Finish()
   std::vector<Texture> textures;
-  std::vector<PointLight> lights;  ///< at least one after Finish()
+  std::vector<Light> lights;  ///< at least one after Finish()
   std::vector<Camera> cameras;     ///< at least one after Finish(); the first is used
   Vec3f ambient{0.1f, 0.1f, 0.1f};
   Vec3f background{0.6f, 0.7f, 0.8f};
+  /// Index into `textures` of a latitude-longitude map that takes the place of `background`; -1: none.
+  int32_t environment = -1;
   int scale_exponent = 0;
   bool automatic_camera = false, automatic_lights = false;  ///< set by Finish() when it had to invent them
 

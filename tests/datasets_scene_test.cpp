@@ -229,7 +229,7 @@ TEST(FinishTest, MakesACameraThatSeesTheWholeBox) {
         EXPECT_LE(std::abs(Dot(p, right)), c.tan_half_fov * depth);
         EXPECT_LE(std::abs(Dot(p, up)), c.tan_half_fov * depth);
       }
-      for (const PointLight& light : scene.lights) {
+      for (const Light& light : scene.lights) {
         Bounds3 at;
         at.Extend(light.position);
         EXPECT_FALSE(scene.bounds().Contains(at));

@@ -217,7 +217,7 @@ class Shader {
     const Vec3d mirrored = view + normal * (2 * cos_view);
     const Vec3f org = surface.Origin(side);
 
-    for (const PointLight& light : scene_.lights) {
+    for (const Light& light : scene_.lights) {
       const Vec3d to_light = ToDouble(light.position) - surface.point;
       const double square = Dot(to_light, to_light), cosine = Dot(normal, to_light) / std::sqrt(square);
       if (!(cosine > 0)) continue;

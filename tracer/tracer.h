@@ -11,6 +11,7 @@
 #include "accel/registry.h"
 #include "datasets/scene.h"
 #include "tracer/ray_set.h"
+#include "tracer/sampling.h"
 
 namespace raybench {
 
@@ -20,8 +21,37 @@ struct Image {
   std::vector<Vec3f> pixels;
 };
 
+/// How a ray that starts on a surface is kept from hitting it again.
+enum class SelfIntersection : uint8_t {
+  kErrorBound,     ///< origin moved along the normal by a bound of all errors (surface.cpp): the default
+  kNone,           ///< nothing: what goes wrong without
+  kFixedTnear,     ///< tnear = `self_intersection_size`
+  kNormalOffset,   ///< origin moved along the normal by `self_intersection_size`
+  kIntegerOffset,  ///< Waechter and Binder 2019: origin moved by units in the last place
+  kSkip,           ///< the primitive that the ray starts on is skipped (rb_query::skip); flat ones only, the
+                   ///< others as kErrorBound
+};
+
+/// Which rays a picture needs.
+enum class TraceRules : uint8_t {
+  kWhitted,  ///< the model of shading.h
+  /// That of Haines' Standard Procedural Databases, for counting: shadow rays towards every light in front of
+  /// the shading normal, blocked by whatever they hit; a mirror ray where Ks > 0 or T > 0; a refracted one
+  /// where T > 0; tnear 1e-6; depth of the camera ray 1, at most 5.
+  kSpd,
+};
+
+enum class FresnelMode : uint8_t { kMaterial, kOff, kOn };
+
 struct TraceOptions {
   uint32_t width = 512, height = 512;
+  Sampling sampling = {};
+  TraceRules rules = TraceRules::kWhitted;
+  SelfIntersection self_intersection = SelfIntersection::kErrorBound;
+  float self_intersection_size = 1e-4f;  ///< in units of the scene as it is measured
+  FresnelMode fresnel = FresnelMode::kMaterial;
+  /// Paths whose weight is below this in every channel end; 0: none does.
+  float min_contribution = 0;
   uint32_t max_depth = 4;  ///< reflections and refractions in a row; 0: camera and shadow rays only
   uint32_t threads = 0;    ///< 0: all; the picture is the same at any number
   bool capture = false;    ///< freeze every batch
@@ -36,6 +66,9 @@ struct TraceResult {
   /// out.
   std::vector<RaySet> ray_sets;
   uint64_t camera_rays = 0, shadow_rays = 0, reflection_rays = 0, refraction_rays = 0;
+  uint64_t camera_hits = 0, shadow_blocked = 0, reflection_hits = 0, refraction_hits = 0;
+  /// Hits on transmitting surfaces that shadow rays went on through.
+  uint64_t shadow_resumed = 0;
 };
 
 /// Renders the scene with its first camera.
