@@ -22,19 +22,19 @@ namespace raybench {
 /// How `Material::alpha` acts (glTF 2.0, 3.9.4): not at all; as a hole below `alpha_cutoff`; as a blend.
 enum class AlphaMode : uint8_t { kOpaque, kMask, kBlend };
 
-/// Whitted material, linear RGB in [0,1].
+/// Whitted material, linear RGB in [0,1]; emission may exceed 1. MATERIALS.md: what each format becomes.
 struct Material {
   std::string name;
   Vec3f diffuse{0.7f, 0.7f, 0.7f};
   Vec3f specular{0, 0, 0};  ///< Phong lobe
   float shininess = 32;     ///< Phong exponent
   Vec3f emission{0, 0, 0};
-  Vec3f reflect{0, 0, 0};   ///< k_r: weight of the ideal mirror ray
-  Vec3f transmit{0, 0, 0};  ///< k_t: weight of the refracted ray
-  float ior = 1.5f;         ///< index of refraction
+  Vec3f reflect{0, 0, 0};     ///< k_r: weight of the ideal mirror ray
+  Vec3f transmit{0, 0, 0};    ///< k_t: weight of the refracted ray
+  float ior = 1.5f;           ///< index of refraction
   Vec3f dispersion{0, 0, 0};  ///< added to `ior` for each channel; not 0: channels are refracted apart
-  /// Fresnel's equations for a dielectric of index `ior` share `transmit` between the refracted and the mirror
-  /// ray; otherwise the weights are constant.
+  /// Fresnel's equations for a dielectric of index `ior` share `transmit` between the refracted and the
+  /// mirror ray; otherwise the weights are constant.
   bool fresnel = false;
   /// Transmits straight on, like a pane too thin to bend a ray.
   bool thin = false;
@@ -42,7 +42,7 @@ struct Material {
   /// multiplies diffuse, reflect and transmit.
   int32_t base_color_texture = -1;
   int32_t emission_texture = -1;  ///< likewise; multiplies emission
-  float alpha = 1;  ///< times the texture's alpha
+  float alpha = 1;                ///< times the texture's alpha
   AlphaMode alpha_mode = AlphaMode::kOpaque;
   float alpha_cutoff = 0.5f;  ///< for AlphaMode::kMask
 };
@@ -56,8 +56,8 @@ struct Light {
   bool falloff = false;  ///< never of a directional light
   LightKind kind = LightKind::kPoint;
   Vec3f direction{0, 0, -1};  ///< unit; the way light travels; not of a point light
-  /// Spot: full within the cone of half angle acos(cos_inner), none outside that of cos_outer, and between them
-  /// the square of a linear ramp of the cosine, as glTF's KHR_lights_punctual recommends.
+  /// Spot: full within the cone of half angle acos(cos_inner), none outside that of cos_outer, and between
+  /// them the square of a linear ramp of the cosine, as glTF's KHR_lights_punctual recommends.
   float cos_inner = 1, cos_outer = 0.70710678f;
   /// Where light has faded to nothing (KHR_lights_punctual's window (1 - (d/range)^4)); infinite: never.
   float range = std::numeric_limits<float>::infinity();
@@ -114,8 +114,8 @@ class Scene {
   std::vector<uint32_t> polygon_vertices;  ///< indices of positions, in runs that the polygons name
   std::vector<Material> materials;         ///< at least one after Finish()
   std::vector<Texture> textures;
-  std::vector<Light> lights;  ///< at least one after Finish()
-  std::vector<Camera> cameras;     ///< at least one after Finish(); the first is used
+  std::vector<Light> lights;    ///< at least one after Finish()
+  std::vector<Camera> cameras;  ///< at least one after Finish(); the first is used
   Vec3f ambient{0.1f, 0.1f, 0.1f};
   Vec3f background{0.6f, 0.7f, 0.8f};
   /// Index into `textures` of a latitude-longitude map that takes the place of `background`; -1: none.
@@ -124,12 +124,13 @@ class Scene {
   bool automatic_camera = false, automatic_lights = false;  ///< set by Finish() when it had to invent them
 
   /// Brings a freshly filled scene into the state the contract promises: checks vertices (finite) and
-  /// indices, leaves out exactly degenerate triangles and polygons without area, rescales by a power of two
-  /// if max |coordinate| lies outside [2^-30, 2^30], adds a camera and lights where there are none, computes
-  /// bounds and hash. With `drop_bad` bad primitives, and those too small beside the largest to be rescaled
-  /// without loss, are left out and counted instead of throwing. Shading
-  /// normals that are not finite become (0, 0, 0), such texture coordinates (0, 0), with a note. Throws
-  /// InputError naming `provenance.source` and the vertex or face.
+  /// indices, leaves out exactly degenerate triangles and polygons without area, makes the directions of
+  /// lights unit, rescales by a power of two if max |coordinate| lies outside [2^-30, 2^30] (so that the
+  /// light that arrives stays the same), adds a camera and lights where there are none, computes bounds and
+  /// hash. With `drop_bad` bad primitives, and those too small beside the largest to be rescaled without
+  /// loss, are left out and counted instead of throwing. Shading normals that are not finite become (0, 0,
+  /// 0), such texture coordinates (0, 0), with a note. Throws InputError naming `provenance.source` and the
+  /// vertex, face, material or light.
   void Finish(bool drop_bad = false);
 
   /// View for structures; valid while the scene lives and is not moved.

@@ -75,7 +75,8 @@ SceneFacts Examine(const Scene& scene) {
                 BytesOf(scene.triangles) + BytesOf(scene.triangle_material) + BytesOf(scene.triangle_face) +
                 BytesOf(scene.spheres) + BytesOf(scene.sphere_material) + BytesOf(scene.cones) +
                 BytesOf(scene.cone_material) + BytesOf(scene.polygons) + BytesOf(scene.polygon_material) +
-                BytesOf(scene.polygon_vertices) + BytesOf(scene.materials);
+                BytesOf(scene.polygon_vertices) + BytesOf(scene.materials) + BytesOf(scene.textures) +
+                BytesOf(scene.lights) + BytesOf(scene.cameras);
   std::set<const std::string*> images;  // textures share them
   for (const Texture& texture : scene.textures)
     if (images.insert(texture.bytes.get()).second) facts.bytes += texture.bytes->size();
