@@ -137,9 +137,11 @@ Scene Modify(const Modifier& modifier, const std::string& text, const LoadOption
 }  // namespace
 
 std::vector<const Generator*> Generators() {
-  return {&kCityGenerator,    &kFibresGenerator,    &kIcosphereGenerator,   &kMengerGenerator,
-          &kShellsGenerator,  &kSoupGenerator,      &kSphereflakeGenerator, &kStadiumGenerator,
-          &kTerrainGenerator, &kTerrainBoxGenerator};
+  return {&kBallsGenerator,     &kCityGenerator,    &kFibresGenerator,  &kGearsGenerator,
+          &kIcosphereGenerator, &kLatticeGenerator, &kMengerGenerator,  &kMountGenerator,
+          &kRingsGenerator,     &kShellsGenerator,  &kSoupGenerator,    &kSphereflakeGenerator,
+          &kStadiumGenerator,   &kTeapotGenerator,  &kTerrainGenerator, &kTerrainBoxGenerator,
+          &kTetraGenerator,     &kTreeGenerator};
 }
 
 std::vector<const Modifier*> Modifiers() { return {&kSubdivideModifier}; }

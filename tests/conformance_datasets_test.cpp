@@ -26,6 +26,9 @@ constexpr const char* kDatasets[] = {
     "city(size=4000)",
     "shells(size=3000)",
     "menger(depth=2)",
+    "gears(size=2)",
+    "rings(size=2)",
+    "tree(size=7)",
     "subdivide(icosphere(level=2),levels=2)",
 };
 
