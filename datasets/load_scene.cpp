@@ -7,6 +7,7 @@
 #include "datasets/memory.h"
 #include "datasets/modifiers/modifiers.h"
 #include "datasets/readers.h"
+#include "datasets/scene_needs.h"
 
 namespace raybench {
 namespace {
@@ -154,6 +155,7 @@ std::vector<std::string> SceneFileEndings() {
 
 Scene LoadScene(const std::string& name, const LoadOptions& options) {
   auto told = [&](Scene scene) {
+    DropUnread(scene);
     if (options.progress) options.progress(1);
     return scene;
   };
