@@ -25,7 +25,8 @@ struct SpdGrid {
   SpdFigure empty_cells, references, steps, empty_steps, tests;
 };
 
-/// Octree divided at centres until one primitive is left or the depth is reached; the last two are per ray.
+/// Octree divided at centres until one primitive is left or the depth is reached; the last two are per ray
+/// (of `tests` see kNote of command_spd.cpp).
 struct SpdOctree {
   std::string_view scene;
   uint32_t depth;
