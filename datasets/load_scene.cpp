@@ -7,6 +7,7 @@
 #include "datasets/memory.h"
 #include "datasets/modifiers/modifiers.h"
 #include "datasets/readers.h"
+#include "datasets/scene_needs.h"
 
 namespace raybench {
 namespace {
@@ -137,9 +138,11 @@ Scene Modify(const Modifier& modifier, const std::string& text, const LoadOption
 }  // namespace
 
 std::vector<const Generator*> Generators() {
-  return {&kCityGenerator,    &kFibresGenerator,    &kIcosphereGenerator,   &kMengerGenerator,
-          &kShellsGenerator,  &kSoupGenerator,      &kSphereflakeGenerator, &kStadiumGenerator,
-          &kTerrainGenerator, &kTerrainBoxGenerator};
+  return {&kBallsGenerator,     &kCityGenerator,    &kFibresGenerator,  &kGearsGenerator,
+          &kIcosphereGenerator, &kLatticeGenerator, &kMengerGenerator,  &kMountGenerator,
+          &kRingsGenerator,     &kShellsGenerator,  &kSoupGenerator,    &kSphereflakeGenerator,
+          &kStadiumGenerator,   &kTeapotGenerator,  &kTerrainGenerator, &kTerrainBoxGenerator,
+          &kTetraGenerator,     &kTreeGenerator};
 }
 
 std::vector<const Modifier*> Modifiers() { return {&kSubdivideModifier}; }
@@ -152,6 +155,7 @@ std::vector<std::string> SceneFileEndings() {
 
 Scene LoadScene(const std::string& name, const LoadOptions& options) {
   auto told = [&](Scene scene) {
+    DropUnread(scene);
     if (options.progress) options.progress(1);
     return scene;
   };

@@ -45,7 +45,7 @@ struct ManifestEntry {
   std::string format;           ///< extension the reader goes by
   uint64_t triangles = 0;       ///< after loading, without the degenerate ones
   std::vector<Camera> cameras;  ///< optional, where the automatic ones show little (indoor scenes)
-  std::vector<PointLight> lights;
+  std::vector<Light> lights;
 
   /// SHA-256 of the file in the cache that the reader gets.
   const std::string& CachedSha256() const {

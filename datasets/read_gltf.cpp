@@ -13,6 +13,8 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numbers>
+#include <optional>
 #include <set>
 
 #include "datasets/gltf/accessors.h"
@@ -70,10 +72,9 @@ class GltfReader {
   }
 
   Scene Read() {
-    for (const tinygltf::Material& material : model_.materials) {
-      scene_.materials.push_back(GltfMaterial(material));
-      lookups_.push_back(GltfBaseColor(material));
-    }
+    for (const tinygltf::Material& material : model_.materials)
+      scene_.materials.push_back(GltfMaterial(container_, material, scene_.materials.size()));
+    lookups_.resize(scene_.materials.size());
     Walk();
     Prepare();
     Fill();
@@ -181,7 +182,7 @@ class GltfReader {
       if (node.mesh >= 0) AddInstances(node, step.node, to_world);
       if (node.camera >= 0) AddCamera(At(model_.cameras, node.camera, "camera"), to_world, step.node);
       if (auto it = node.extensions.find("KHR_lights_punctual"); it != node.extensions.end())
-        AddLight(At(model_.lights, GltfIndex(it->second, "light", -1), "light"), to_world);
+        AddLight(GltfIndex(it->second, "light", -1), to_world, step.node);
       for (auto it = node.children.rbegin(); it != node.children.rend(); ++it)
         stack.push_back({*it, step.node});
     }
@@ -266,17 +267,51 @@ class GltfReader {
     scene_.cameras.push_back(out);
   }
 
-  /// Point and spot lights, both as point lights. A light at infinity has no place in this model.
-  void AddLight(const tinygltf::Light& light, const Affine& to_world) {
-    if (light.type != "point" && light.type != "spot") {
-      ++distant_lights_;
-      return;
+  /// KHR_lights_punctual. Intensities are taken as they are, whatever their unit. Scales act on places alone.
+  void AddLight(int index, const Affine& to_world, int node) {
+    const tinygltf::Light& light = At(model_.lights, index, "light");
+    Light out;
+    if (light.type == "directional")
+      out.kind = LightKind::kDirectional;
+    else if (light.type == "spot")
+      out.kind = LightKind::kSpot;
+    else if (light.type != "point")
+      Fail(fmt::format("light {} has the type {}; allowed are directional, point, spot", index,
+                       Quoted(light.type)));
+    for (size_t i = 0; i < 3; ++i) {
+      const double color = i < light.color.size() ? light.color[i] : 1;
+      if (!(color >= 0 && light.intensity >= 0))
+        Fail(fmt::format("light {} has intensity {} and a channel of colour {}; at least 0 is needed", index,
+                         light.intensity, color));
+      out.intensity[int(i)] = float(color * light.intensity);
     }
-    spot_lights_ += light.type == "spot";
-    auto channel = [&](size_t i) {
-      return float((i < light.color.size() ? light.color[i] : 1.0) * light.intensity);
-    };
-    scene_.lights.push_back({ToFloat(to_world.t), {channel(0), channel(1), channel(2)}, true});
+    if (out.kind != LightKind::kPoint) {
+      const double length = Length(to_world.z);
+      if (!(length > 0)) Fail(fmt::format("the light of node {} has no direction", node));
+      out.direction = ToFloat(to_world.z * (-1 / length));
+    }
+    if (out.kind == LightKind::kSpot) {
+      const double inner = light.spot.innerConeAngle, outer = light.spot.outerConeAngle;
+      // Real files have pi / 2 as a float, and equal angles for a sharp edge.
+      if (!(inner >= 0 && outer >= inner && outer > 0 && outer <= std::numbers::pi / 2 + 1e-6))
+        Fail(fmt::format(
+            "light {} has innerConeAngle {} and outerConeAngle {}; 0 <= inner <= outer <= pi/2 and "
+            "outer > 0 is needed",
+            index, inner, outer));
+      const auto cosine = [](double angle) {
+        const double t = Tangent(angle / 2), t2 = t * t;
+        return float(std::max(0.0, (1 - t2) / (1 + t2)));
+      };
+      out.cos_inner = cosine(inner), out.cos_outer = cosine(outer);
+    }
+    if (out.kind != LightKind::kDirectional) {
+      out.position = ToFloat(to_world.t);
+      out.falloff = true;
+      if (!(light.range >= 0))
+        Fail(fmt::format("light {} has range {}; more than 0 is needed", index, light.range));
+      if (light.range > 0) out.range = float(light.range);  // 0: none is given
+    }
+    scene_.lights.push_back(out);
   }
 
   // --- Meshes
@@ -300,8 +335,30 @@ class GltfReader {
     uint64_t vertices = 0, triangles = 0;
   };
 
-  const GltfLookup* LookupOf(const Part& part) const {
-    return part.material < lookups_.size() ? &lookups_[part.material] : nullptr;
+  /// Where a material's textures are looked up; null where it has none. They are loaded at first use, so that
+  /// those of materials that nothing wears stay out.
+  const GltfLookup* LookupOf(uint32_t material) {
+    if (material >= lookups_.size()) return nullptr;
+    std::optional<GltfLookup>& lookup = lookups_[material];
+    if (!lookup) {
+      Material& m = scene_.materials[material];
+      lookup = GltfBaseColor(model_.materials[material]);
+      if (lookup->texture >= 0) m.base_color_texture = textures_.Load(lookup->texture);
+      const GltfLookup glow = GltfEmission(model_.materials[material]);
+      if (glow.texture >= 0 && !(m.emission == Vec3f{0, 0, 0})) {
+        if (m.base_color_texture < 0) lookup = glow;
+        if (lookup->SamePlaces(glow))
+          m.emission_texture = textures_.Load(glow.texture);
+        else
+          Note(
+              fmt::format("material {} does not glow: its emissive texture has other coordinates than its "
+                          "base colour",
+                          material));
+        if (m.emission_texture < 0) m.emission = {0, 0, 0};  // without its picture all of it would glow
+      }
+      lookup->texture = std::max(m.base_color_texture, m.emission_texture);
+    }
+    return lookup->texture >= 0 ? &*lookup : nullptr;
   }
 
   uint32_t MaterialOf(int material) {
@@ -370,15 +427,14 @@ class GltfReader {
       };
       part.normals = shading("NORMAL", 3, kGltfFloat | kGltfBytes | kGltfShorts);
       has_normals_ = has_normals_ || part.normals >= 0;
-      if (const GltfLookup* lookup = LookupOf(part); lookup != nullptr && lookup->texture >= 0) {
-        int32_t& texture = scene_.materials[part.material].base_color_texture;
-        texture = textures_.Load(lookup->texture);
-        if (texture >= 0) part.uvs = shading(fmt::format("TEXCOORD_{}", lookup->set), 2, uv_types_);
+      const GltfLookup* lookup = LookupOf(part.material);
+      if (lookup != nullptr) {
+        part.uvs = shading(fmt::format("TEXCOORD_{}", lookup->set), 2, uv_types_);
         has_uvs_ = has_uvs_ || part.uvs >= 0;
-        if (texture >= 0 && part.uvs < 0) ++without_uvs_;
+        without_uvs_ += part.uvs < 0;
       }
       out.triangles += part.triangles;
-      if (keys.insert(part.Key(LookupOf(part))).second) out.vertices += part.vertices;
+      if (keys.insert(part.Key(lookup)).second) out.vertices += part.vertices;
       out.parts.push_back(part);
     }
     return out;
@@ -415,7 +471,8 @@ class GltfReader {
     for (const Instance& instance : instances_) {
       std::map<std::array<int64_t, 4>, uint32_t> first;  // where each key's vertices start
       for (const Part& part : MeshOf(instance.mesh).parts) {
-        auto [it, is_new] = first.try_emplace(part.Key(LookupOf(part)), uint32_t(scene_.positions.size()));
+        auto [it, is_new] =
+            first.try_emplace(part.Key(LookupOf(part.material)), uint32_t(scene_.positions.size()));
         if (is_new) AddVertices(part, instance);
         AddTriangles(part, instance, it->second);
         if (options_.progress)
@@ -446,7 +503,7 @@ class GltfReader {
       scene_.normals.resize(scene_.positions.size());
     }
     if (part.uvs >= 0) {
-      const GltfLookup& lookup = *LookupOf(part);
+      const GltfLookup& lookup = *LookupOf(part.material);
       for (std::array<float, 2> uv : accessors_.Floats<2>(part.uvs, "TEXCOORD", uv_types_))
         scene_.uvs.push_back(lookup(uv));
     } else if (has_uvs_) {
@@ -515,9 +572,9 @@ class GltfReader {
     leave(without_positions_, "primitive without positions", "primitives without positions");
     leave(unused_meshes_, "mesh that no node of the scene uses", "meshes that no node of the scene uses");
     leave(orthographic_cameras_, "orthographic camera", "orthographic cameras");
-    leave(distant_lights_, "directional light", "directional lights");
     if (!left.empty()) Note("left out: " + left);
-    if (spot_lights_ > 0) Note("spot lights shine in all directions: " + std::to_string(spot_lights_));
+    if (const std::string ignored = GltfIgnoredExtensions(model_.materials); !ignored.empty())
+      Note("extensions of materials that are not followed: " + ignored);
     if (without_uvs_ > 0)
       Note(plural(without_uvs_, "primitive has", "primitives have") + " a texture but no coordinates for it");
   }
@@ -532,13 +589,13 @@ class GltfReader {
   GltfAccessors accessors_{model_, zero_view_, container_};
   GltfTextures textures_{model_, images_, container_, accessors_, scene_};
   GltfTypes position_types_ = 0, uv_types_ = 0;
-  std::vector<GltfLookup> lookups_;  // by material
+  std::vector<std::optional<GltfLookup>> lookups_;  // by material; see LookupOf()
   std::vector<Instance> instances_;
   std::map<int, Mesh> meshes_;
   std::string left_out_;
   bool has_normals_ = false, has_uvs_ = false, morph_targets_ = false;
   uint64_t point_primitives_ = 0, line_primitives_ = 0, without_positions_ = 0, without_uvs_ = 0,
-           unused_meshes_ = 0, orthographic_cameras_ = 0, distant_lights_ = 0, spot_lights_ = 0;
+           unused_meshes_ = 0, orthographic_cameras_ = 0;
 };
 
 }  // namespace

@@ -8,8 +8,7 @@
 // - `l` without colour: NFF leaves its intensity open; all such lights of a file get 1 / sqrt(number of its
 //   lights), as is the custom of the SPD's renderers. Lights do not fall off with distance.
 // - `p` and `pp` of three corners are triangles, of more n-gons, whole. Corners equal in position and normal
-// are
-//   one vertex, so that neighbours share them. A vertex without a normal of its own has (0, 0, 0).
+//   are one vertex, so that neighbours share them. A vertex without a normal of its own has (0, 0, 0).
 
 #include <fmt/format.h>
 
@@ -280,7 +279,7 @@ class NffReader {
   }
 
   void ReadLight() {
-    PointLight light;
+    Light light;
     const float x = Finite("light", "x"), y = Finite("light", "y"), z = Finite("light", "z");
     light.position = {x, y, z};
     // A colour is there if the line goes on with a number.

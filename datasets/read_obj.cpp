@@ -1,58 +1,22 @@
-// Wavefront OBJ. Its materials are read here as well, because OpenMesh passes on nothing of them but an 8-bit
-// diffuse colour.
+// Wavefront OBJ. OpenMesh is given vertices and faces alone: of materials it passes on nothing but an 8-bit
+// diffuse colour, and its texture coordinates and normals would be one a vertex.
 
 #include <fmt/format.h>
 
 #include <OpenMesh/Core/IO/reader/OBJReader.hh>
 #include <algorithm>
+#include <cctype>
 #include <charconv>
-#include <fstream>
 #include <map>
 
 #include "datasets/mesh_sink.h"
+#include "datasets/mtl.h"
+#include "datasets/obj_corners.h"
 #include "datasets/openmesh_importer.h"
 #include "datasets/readers.h"
 
 namespace raybench {
 namespace {
-
-/// Reads the materials of one MTL file into `materials` by name. What does not parse is left at its default.
-/// False if there is no such file.
-bool ReadMtl(const std::filesystem::path& path, std::map<std::string, Material, std::less<>>& materials) {
-  std::ifstream in(path);
-  if (!in) return false;
-  std::string line;
-  Material* m = nullptr;
-  while (std::getline(in, line)) {
-    Words words(line);
-    std::string_view key = words.Next();
-    if (key == "newmtl") {
-      std::string name(words.Rest());
-      m = &materials[name];
-      *m = Material{};
-      m->name = name;
-      continue;
-    }
-    if (m == nullptr || key.empty() || key.starts_with('#')) continue;
-    float x[3];
-    int n = 0;
-    while (n < 3 && ParseNumber(words.Next(), x[n]) == Number::kFinite) ++n;
-    if (n == 0) continue;
-    auto unit = [](float v) { return std::clamp(v, 0.0f, 1.0f); };
-    Vec3f color =
-        n == 3 ? Vec3f{unit(x[0]), unit(x[1]), unit(x[2])} : Vec3f{unit(x[0]), unit(x[0]), unit(x[0])};
-    if (key == "Kd") m->diffuse = color;
-    if (key == "Ks") m->specular = color;
-    if (key == "Ke") m->emission = color;
-    if (key == "Ns") m->shininess = std::clamp(x[0], 1.0f, 1e4f);
-    if (key == "Ni") m->ior = std::clamp(x[0], 1.0f, 4.0f);
-    if (key == "d") m->transmit = Vec3f{1, 1, 1} * (1 - unit(x[0]));
-    if (key == "Tr") m->transmit = Vec3f{1, 1, 1} * unit(x[0]);
-    // Illumination models 3 to 9 have ray-traced reflection; `reflect` marks it until Ks is known.
-    if (key == "illum") m->reflect = x[0] >= 3 && x[0] <= 9 ? Vec3f{1, 1, 1} : Vec3f{0, 0, 0};
-  }
-  return true;
-}
 
 /// True if a number occurs twice.
 bool HasRepeats(const std::vector<int64_t>& numbers, std::vector<int64_t>& scratch) {
@@ -90,8 +54,12 @@ class ObjScan {
       stage_.Tell(lines_.offset(), text_.size());
     }
     if (mesh_.faces == 0) Fail("has no faces; is it a Wavefront OBJ file?");
+    text_ = {};
     return std::move(mesh_);
   }
+
+  /// Of all faces so far.
+  ObjCorners& corners() { return looks_; }
 
  private:
   [[noreturn]] void Fail(const std::string& what) const { throw InputError(path_.string() + ": " + what); }
@@ -116,12 +84,30 @@ class ObjScan {
       Vertex(words);
     } else if (key == "f") {
       Face(words);
+    } else if (key == "vt") {
+      float uv[2] = {0, 0};  // the second is optional
+      ReadNumbers(words, uv);
+      looks_.uvs.push_back({uv[0], 1 - uv[1]});  // v points up in OBJ
+    } else if (key == "vn") {
+      float n[3] = {0, 0, 0};
+      ReadNumbers(words, n);
+      looks_.normals.push_back({n[0], n[1], n[2]});
     } else if (key == "mtllib") {
       const std::string name(words.Rest());
-      if (!ReadMtl(path_.parent_path() / name, library_))
+      if (!ReadMtl(path_.parent_path() / name, library_, scene_.stats.notes))
         scene_.stats.notes.push_back(fmt::format("the material file {} cannot be read", Quoted(name)));
     } else if (key == "usemtl") {
       mesh_.materials.push_back({uint32_t(mesh_.faces), MaterialIndex(words.Rest())});
+    }
+  }
+
+  /// What is no number becomes one that is not finite: Finish() counts and notes those.
+  template <size_t N>
+  static void ReadNumbers(Words& words, float (&out)[N]) {
+    for (float& x : out) {
+      const std::string_view word = words.Next();
+      if (word.empty() || word.starts_with('#')) return;
+      if (ParseNumber(word, x) == Number::kMalformed) x = std::numeric_limits<float>::quiet_NaN();
     }
   }
 
@@ -145,10 +131,26 @@ class ObjScan {
     ++mesh_.vertices;
   }
 
+  /// The second and third number of a corner such as 3/1/2.
+  ObjCorner CornerLooks(uint32_t vertex, std::string_view word) const {
+    const auto part = [&](size_t count) {
+      word.remove_prefix(std::min(word.find('/'), word.size() - 1) + 1);
+      int64_t index = 0;
+      if (!ParseInt(word.substr(0, word.find('/')), index)) return RAYBENCH_NONE;
+      if (index < 0) index += int64_t(count) + 1;
+      return index >= 1 && index < kMaxCount ? uint32_t(index - 1)
+                                             : uint32_t(kMaxCount);  // one that none has
+    };
+    const uint32_t uv = part(looks_.uvs.size()),
+                   normal = word.empty() ? RAYBENCH_NONE : part(looks_.normals.size());
+    return {vertex, uv, normal};
+  }
+
   void Face(Words& words) {
     corners_.clear();  // counted from 1, as in the file
+    corner_looks_.clear();
     size_t corner_count = 0;
-    bool is_bad = false;
+    bool is_bad = false, has_looks = false;
     for (std::string_view word = words.Next(); !word.empty() && !word.starts_with('#'); word = words.Next()) {
       int64_t index = 0;
       if (!ParseInt(word.substr(0, word.find('/')), index) ||
@@ -164,12 +166,18 @@ class ObjScan {
         corner = int64_t{RAYBENCH_NONE} - int64_t(corner_count);  // each its own, so that none is a repeat
       }
       ++corner_count;
-      if (corners_.empty() || corners_.back() != corner) corners_.push_back(corner);
+      if (!corners_.empty() && corners_.back() == corner) continue;
+      corners_.push_back(corner);
+      corner_looks_.push_back(CornerLooks(uint32_t(corner - 1), word));
+      has_looks = has_looks || corner_looks_.back().uv != RAYBENCH_NONE ||
+                  corner_looks_.back().normal != RAYBENCH_NONE;
     }
     // Faces of two corners are common and harmless, but not at the end of a file cut off within a line.
     if (corner_count == 0 || (corner_count < 3 && lines_.is_unended()))
       FailLine(fmt::format("face {} has {} corners; at least 3 are needed", mesh_.faces, corner_count));
-    while (corners_.size() > 1 && corners_.front() == corners_.back()) corners_.pop_back();
+    while (corners_.size() > 1 && corners_.front() == corners_.back())
+      corners_.pop_back(), corner_looks_.pop_back();
+    if (has_looks && corners_.size() >= 3) looks_.AddFace(uint32_t(mesh_.faces), corner_looks_);
     // A corner given twice in a row makes a degenerate triangle.
     scene_.stats.degenerate_triangles +=
         std::max<size_t>(corner_count, 3) - std::max<size_t>(corners_.size(), 2);
@@ -198,13 +206,40 @@ class ObjScan {
     auto [it, is_new] = index_.try_emplace(std::string(name), uint32_t(scene_.materials.size()));
     if (is_new) {
       Material m;
-      if (auto found = library_.find(name); found != library_.end()) m = found->second;
+      if (auto found = library_.find(name); found != library_.end()) {
+        m = found->second.material;
+        m.base_color_texture = LoadTexture(found->second.diffuse);
+        m.emission_texture = LoadTexture(found->second.emission);
+        // Without its picture all of it would glow.
+        if (m.emission_texture < 0 && !found->second.emission.file.empty()) m.emission = {0, 0, 0};
+      }
       m.name = std::string(name);
-      m.reflect = m.reflect * m.specular;
-      m.diffuse = m.diffuse * (Vec3f{1, 1, 1} - m.transmit);
       scene_.materials.push_back(m);
     }
     return it->second;
+  }
+
+  /// The scene's index of a picture; -1 for none, and, with a note, where its file cannot be read.
+  int32_t LoadTexture(const MtlMap& map) {
+    if (map.file.empty()) return -1;
+    const auto [it, is_new] = textures_.try_emplace(map, -1);
+    if (!is_new) return it->second;
+    Texture texture;
+    try {
+      texture.bytes = std::make_shared<std::string>(ReadFile(map.file));
+    } catch (const InputError& e) {
+      scene_.stats.notes.push_back(fmt::format("a texture is not used: {}", OneLine(e.what())));
+      return -1;
+    }
+    texture.name = map.file.filename().string();
+    texture.source = map.file.string();
+    texture.mime_type = ImageType(*texture.bytes);
+    std::string ending = map.file.extension().string();
+    for (char& c : ending) c = char(std::tolower(static_cast<unsigned char>(c)));
+    if (texture.mime_type.empty() && ending == ".tga") texture.mime_type = "image/x-tga";  // has no mark
+    texture.wrap_u = texture.wrap_v = map.wrap;
+    scene_.textures.push_back(std::move(texture));
+    return it->second = int32_t(scene_.textures.size() - 1);
   }
 
   const std::filesystem::path& path_;
@@ -217,7 +252,10 @@ class ObjScan {
   CleanMesh mesh_;
   uint64_t vertex_count_ = 0;
   std::vector<int64_t> corners_, scratch_;
-  std::map<std::string, Material, std::less<>> library_;
+  std::vector<ObjCorner> corner_looks_;
+  ObjCorners looks_;
+  MtlLibrary library_;
+  std::map<MtlMap, int32_t> textures_;
   std::map<std::string, uint32_t, std::less<>> index_;
 };
 
@@ -227,8 +265,9 @@ Scene ReadObj(const std::filesystem::path& path, const LoadOptions& options) {
   Scene scene;
   scene.provenance.source = path.string();
   scene.materials.emplace_back().name = "default";
-  CleanMesh mesh = ObjScan(path, options, scene).Run();
-  ReadWithOpenMesh(OpenMesh::IO::OBJReader(), path.string(), std::move(mesh), options, scene);
+  ObjScan scan(path, options, scene);
+  ReadWithOpenMesh(OpenMesh::IO::OBJReader(), path.string(), scan.Run(), options, scene);
+  scan.corners().Apply(scene);
   return scene;
 }
 

@@ -97,7 +97,7 @@ Camera AutomaticCamera(const Bounds3& bounds) {
 
 /// A key light over the camera's left shoulder and a weaker fill light from its right, both outside the
 /// bounds.
-std::vector<PointLight> AutomaticLights(const Bounds3& bounds, const Camera& camera) {
+std::vector<Light> AutomaticLights(const Bounds3& bounds, const Camera& camera) {
   Vec3d at = ToDouble(camera.at), back = ToDouble(camera.eye) - at;
   Vec3d up = ToDouble(camera.up), side = Cross(up, back);
   if (Dot(side, side) == 0) side = Cross(Vec3d{0.6, 0, 0.8}, back);
@@ -108,9 +108,27 @@ std::vector<PointLight> AutomaticLights(const Bounds3& bounds, const Camera& cam
     radius = Length(ToDouble(bounds.hi) - ToDouble(bounds.lo)) / 2;
   }
   auto light = [&](Vec3d direction, float intensity) {
-    return PointLight{ToFloat(at + Normalize(direction) * (4 * radius)), Vec3f{1, 1, 1} * intensity, false};
+    return Light{ToFloat(at + Normalize(direction) * (4 * radius)), Vec3f{1, 1, 1} * intensity, false};
   };
   return {light(back + up * 1.2 - side * 0.7, 0.75f), light(back * 0.6 + up * 0.3 + side, 0.3f)};
+}
+
+/// What is wrong with a light; empty: nothing, and it is as scene.h promises.
+std::string FinishLight(Light& l) {
+  if (!IsFinite(l.position) || !IsFinite(l.intensity))
+    return fmt::format("is not finite: position {}, intensity {}", Text(l.position), Text(l.intensity));
+  if (!(l.range > 0)) return fmt::format("has the range {}; more than 0 is needed", l.range);
+  if (l.kind == LightKind::kDirectional) l.falloff = false;
+  if (l.kind == LightKind::kPoint) return {};
+  const Vec3d direction = ToDouble(l.direction);
+  if (!IsFinite(l.direction) || !(Length(direction) > 0))
+    return fmt::format("has the direction {}; a finite vector other than 0 is needed", Text(l.direction));
+  l.direction = ToFloat(Normalize(direction));
+  if (l.kind == LightKind::kSpot && !(l.cos_outer >= -1 && l.cos_inner >= l.cos_outer && l.cos_inner <= 1))
+    return fmt::format(
+        "has cones of the cosines {} (inner) and {} (outer); -1 <= outer <= inner <= 1 is needed",
+        l.cos_inner, l.cos_outer);
+  return {};
 }
 
 /// Leaves out the primitives that `flaw` finds fault with, or refuses them.
@@ -168,10 +186,13 @@ void Scene::Finish(bool drop_bad) {
   if ((!normals.empty() && normals.size() != positions.size()) ||
       (!uvs.empty() && uvs.size() != positions.size()))
     throw std::logic_error("Scene::Finish: normals and uvs are one per position, or none");
+  const auto is_texture = [&](int32_t i) { return i >= -1 && i < int64_t(textures.size()); };
   for (size_t i = 0; i < materials.size(); ++i)
-    if (int32_t texture = materials[i].base_color_texture;
-        texture < -1 || texture >= int64_t(textures.size()))
-      fail(fmt::format("material {} has texture {}; there are {}", i, texture, textures.size()));
+    for (int32_t texture : {materials[i].base_color_texture, materials[i].emission_texture})
+      if (!is_texture(texture))
+        fail(fmt::format("material {} has texture {}; there are {}", i, texture, textures.size()));
+  if (!is_texture(environment))
+    fail(fmt::format("the environment is texture {}; there are {}", environment, textures.size()));
   if (positions.size() >= RAYBENCH_NONE || primitive_count() >= RAYBENCH_NONE)
     fail(fmt::format("{} vertices and {} primitives; fewer than {} of each are allowed", positions.size(),
                      primitive_count(), RAYBENCH_NONE));
@@ -276,9 +297,8 @@ void Scene::Finish(bool drop_bad) {
                        Text(c.at), Text(c.up), c.tan_half_fov));
   }
   for (size_t i = 0; i < lights.size(); ++i)
-    if (!IsFinite(lights[i].position) || !IsFinite(lights[i].intensity))
-      fail(fmt::format("light {} is not finite: position {}, intensity {}", i, Text(lights[i].position),
-                       Text(lights[i].intensity)));
+    if (const std::string flaw = FinishLight(lights[i]); !flaw.empty())
+      fail(fmt::format("light {} {}", i, flaw));
 
   if (largest > 0 && !(largest >= 0x1p-30 && largest <= 0x1p30)) {
     int exponent = -std::ilogb(largest);  // brings the largest coordinate into [1, 2)
@@ -313,9 +333,12 @@ void Scene::Finish(bool drop_bad) {
     };
     rescale_all(spheres, sphere_material, "sphere"), rescale_all(cones, cone_material, "cone");
     for (Camera& c : cameras) c.eye = Saturated(c.eye, exponent), c.at = Saturated(c.at, exponent);
-    for (PointLight& l : lights) {
+    for (Light& l : lights) {
       l.position = Saturated(l.position, exponent);
       if (l.falloff) l.intensity = Saturated(l.intensity, 2 * exponent);
+      if (l.range < kInfinity)
+        l.range =
+            std::clamp(std::ldexp(l.range, exponent), std::numeric_limits<float>::denorm_min(), kMaxFloat);
     }
     scale_exponent += exponent;
   }

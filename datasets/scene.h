@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <span>
@@ -21,29 +22,45 @@ namespace raybench {
 /// How `Material::alpha` acts (glTF 2.0, 3.9.4): not at all; as a hole below `alpha_cutoff`; as a blend.
 enum class AlphaMode : uint8_t { kOpaque, kMask, kBlend };
 
-/// Whitted material, linear RGB in [0,1].
+/// Whitted material, linear RGB in [0,1]; emission may exceed 1. MATERIALS.md: what each format becomes.
 struct Material {
   std::string name;
   Vec3f diffuse{0.7f, 0.7f, 0.7f};
   Vec3f specular{0, 0, 0};  ///< Phong lobe
   float shininess = 32;     ///< Phong exponent
   Vec3f emission{0, 0, 0};
-  Vec3f reflect{0, 0, 0};   ///< k_r: weight of the ideal mirror ray
-  Vec3f transmit{0, 0, 0};  ///< k_t: weight of the refracted ray
-  float ior = 1.5f;
+  Vec3f reflect{0, 0, 0};     ///< k_r: weight of the ideal mirror ray
+  Vec3f transmit{0, 0, 0};    ///< k_t: weight of the refracted ray
+  float ior = 1.5f;           ///< index of refraction
+  Vec3f dispersion{0, 0, 0};  ///< added to `ior` for each channel; not 0: channels are refracted apart
+  /// Fresnel's equations for a dielectric of index `ior` share `transmit` between the refracted and the
+  /// mirror ray; otherwise the weights are constant.
+  bool fresnel = false;
+  /// Transmits straight on, like a pane too thin to bend a ray.
+  bool thin = false;
   /// Index into Scene::textures, looked up at Scene::uvs; -1: none. Its colour, from sRGB to linear,
   /// multiplies diffuse, reflect and transmit.
   int32_t base_color_texture = -1;
-  float alpha = 1;  ///< times the texture's alpha
+  int32_t emission_texture = -1;  ///< likewise; multiplies emission
+  float alpha = 1;                ///< times the texture's alpha
   AlphaMode alpha_mode = AlphaMode::kOpaque;
   float alpha_cutoff = 0.5f;  ///< for AlphaMode::kMask
 };
 
-/// Point light; `intensity` is divided by the squared distance when `falloff` is set.
-struct PointLight {
-  Vec3f position{0, 0, 0};
+enum class LightKind : uint8_t { kPoint, kDirectional, kSpot };
+
+/// A light without size. Where `falloff` is set, `intensity` is divided by the squared distance; no 4 pi.
+struct Light {
+  Vec3f position{0, 0, 0};  ///< not of a directional light
   Vec3f intensity{1, 1, 1};
-  bool falloff = false;
+  bool falloff = false;  ///< never of a directional light
+  LightKind kind = LightKind::kPoint;
+  Vec3f direction{0, 0, -1};  ///< unit; the way light travels; not of a point light
+  /// Spot: full within the cone of half angle acos(cos_inner), none outside that of cos_outer, and between
+  /// them the square of a linear ramp of the cosine, as glTF's KHR_lights_punctual recommends.
+  float cos_inner = 1, cos_outer = 0.70710678f;
+  /// Where light has faded to nothing (KHR_lights_punctual's window (1 - (d/range)^4)); infinite: never.
+  float range = std::numeric_limits<float>::infinity();
 };
 
 /// Pinhole camera; the image plane is spanned at distance 1. `tan_half_fov` belongs to the vertical angle.
@@ -70,6 +87,7 @@ struct LoadStats {
   uint64_t crossed_faces = 0;      ///< polygons that cross themselves: fans, which need not cover them
   uint64_t instances = 0;          ///< mesh nodes flattened
   uint64_t shared_triangles = 0;   ///< triangles that instancing would have shared
+  uint64_t saved_bytes = 0;        ///< of attributes and textures that nothing reads, left out
   std::vector<std::string> notes;  ///< what the file has and the scene has not, a line each, for the user
 };
 
@@ -97,20 +115,23 @@ class Scene {
   std::vector<uint32_t> polygon_vertices;  ///< indices of positions, in runs that the polygons name
   std::vector<Material> materials;         ///< at least one after Finish()
   std::vector<Texture> textures;
-  std::vector<PointLight> lights;  ///< at least one after Finish()
-  std::vector<Camera> cameras;     ///< at least one after Finish(); the first is used
+  std::vector<Light> lights;    ///< at least one after Finish()
+  std::vector<Camera> cameras;  ///< at least one after Finish(); the first is used
   Vec3f ambient{0.1f, 0.1f, 0.1f};
   Vec3f background{0.6f, 0.7f, 0.8f};
+  /// Index into `textures` of a latitude-longitude map that takes the place of `background`; -1: none.
+  int32_t environment = -1;
   int scale_exponent = 0;
   bool automatic_camera = false, automatic_lights = false;  ///< set by Finish() when it had to invent them
 
   /// Brings a freshly filled scene into the state the contract promises: checks vertices (finite) and
-  /// indices, leaves out exactly degenerate triangles and polygons without area, rescales by a power of two
-  /// if max |coordinate| lies outside [2^-30, 2^30], adds a camera and lights where there are none, computes
-  /// bounds and hash. With `drop_bad` bad primitives, and those too small beside the largest to be rescaled
-  /// without loss, are left out and counted instead of throwing. Shading
-  /// normals that are not finite become (0, 0, 0), such texture coordinates (0, 0), with a note. Throws
-  /// InputError naming `provenance.source` and the vertex or face.
+  /// indices, leaves out exactly degenerate triangles and polygons without area, makes the directions of
+  /// lights unit, rescales by a power of two if max |coordinate| lies outside [2^-30, 2^30] (so that the
+  /// light that arrives stays the same), adds a camera and lights where there are none, computes bounds and
+  /// hash. With `drop_bad` bad primitives, and those too small beside the largest to be rescaled without
+  /// loss, are left out and counted instead of throwing. Shading normals that are not finite become (0, 0,
+  /// 0), such texture coordinates (0, 0), with a note. Throws InputError naming `provenance.source` and the
+  /// vertex, face, material or light.
   void Finish(bool drop_bad = false);
 
   /// View for structures; valid while the scene lives and is not moved.

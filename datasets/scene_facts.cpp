@@ -4,6 +4,8 @@
 #include <tbb/parallel_sort.h>
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 #include <set>
 
 #include "datasets/weld.h"
@@ -45,7 +47,8 @@ void CountEdges(const Scene& scene, SceneFacts& facts) {
 }
 
 void MeasureTriangles(const Scene& scene, SceneFacts& facts) {
-  std::vector<double> area(scene.triangles.size()), aspect(scene.triangles.size());
+  std::vector<double> area(scene.triangles.size()), aspect(scene.triangles.size()),
+      extent(scene.triangles.size());
   tbb::parallel_for(size_t{0}, scene.triangles.size(), [&](size_t i) {
     const auto& [p, q, r] = scene.triangles[i];
     const Vec3d a = ToDouble(scene.positions[p]), b = ToDouble(scene.positions[q]),
@@ -53,8 +56,40 @@ void MeasureTriangles(const Scene& scene, SceneFacts& facts) {
     const double twice = Length(Cross(b - a, c - a));
     const double longest = std::max({Dot(b - a, b - a), Dot(c - a, c - a), Dot(c - b, c - b)});
     area[i] = twice / 2, aspect[i] = longest / twice;
+    const Vec3f size = Max(Max(scene.positions[p], scene.positions[q]), scene.positions[r]) -
+                       Min(Min(scene.positions[p], scene.positions[q]), scene.positions[r]);
+    extent[i] = std::max({size.x, size.y, size.z});
   });
-  facts.area = SpreadOf(area), facts.aspect = SpreadOf(aspect);
+  facts.area = SpreadOf(area), facts.aspect = SpreadOf(aspect), facts.extent = SpreadOf(extent);
+}
+
+double SmallestFeatureUlp(const Scene& scene) {
+  double reach = 0;
+  if (!scene.bounds().Empty()) {
+    for (const Vec3f& corner : {scene.bounds().lo, scene.bounds().hi})
+      for (int k = 0; k < 3; ++k) reach = std::max(reach, double(std::abs(corner[k])));
+  }
+  if (!(reach > 0)) return 0;
+  constexpr double kNone = std::numeric_limits<double>::infinity();
+  double smallest = kNone;
+  const auto look = [&](double length) {
+    if (length > 0) smallest = std::min(smallest, length);
+  };
+  const auto edge = [&](uint32_t a, uint32_t b) {
+    look(Length(ToDouble(scene.positions[a]) - ToDouble(scene.positions[b])));
+  };
+  for (const std::array<uint32_t, 3>& t : scene.triangles)
+    edge(t[0], t[1]), edge(t[1], t[2]), edge(t[2], t[0]);
+  for (const Polygon& polygon : scene.polygons) {
+    const std::span<const uint32_t> corners = scene.CornersOf(polygon);
+    for (size_t i = 0; i < corners.size(); ++i) edge(corners[i], corners[(i + 1) % corners.size()]);
+  }
+  for (const Sphere& s : scene.spheres) look(std::abs(s.radius));
+  for (const Cone& c : scene.cones) {
+    look(std::abs(c.base_radius)), look(std::abs(c.apex_radius));
+    look(Length(ToDouble(c.apex) - ToDouble(c.base)));
+  }
+  return smallest == kNone ? 0 : std::ldexp(smallest, 23 - std::ilogb(reach));
 }
 
 template <class T>
@@ -71,11 +106,13 @@ SceneFacts Examine(const Scene& scene) {
   if (!scene.polygons.empty()) facts.procedural.emplace_back("polygons", scene.polygons.size());
   CountEdges(scene, facts);
   MeasureTriangles(scene, facts);
+  facts.smallest_feature_ulp = SmallestFeatureUlp(scene);
   facts.bytes = BytesOf(scene.positions) + BytesOf(scene.normals) + BytesOf(scene.uvs) +
                 BytesOf(scene.triangles) + BytesOf(scene.triangle_material) + BytesOf(scene.triangle_face) +
                 BytesOf(scene.spheres) + BytesOf(scene.sphere_material) + BytesOf(scene.cones) +
                 BytesOf(scene.cone_material) + BytesOf(scene.polygons) + BytesOf(scene.polygon_material) +
-                BytesOf(scene.polygon_vertices) + BytesOf(scene.materials);
+                BytesOf(scene.polygon_vertices) + BytesOf(scene.materials) + BytesOf(scene.textures) +
+                BytesOf(scene.lights) + BytesOf(scene.cameras);
   std::set<const std::string*> images;  // textures share them
   for (const Texture& texture : scene.textures)
     if (images.insert(texture.bytes.get()).second) facts.bytes += texture.bytes->size();

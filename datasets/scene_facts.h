@@ -24,7 +24,14 @@ struct SceneFacts {
   uint64_t non_manifold_edges = 0;  ///< of three or more triangles
   Spread area;                      ///< in units of the scene as it is measured (after rescaling), squared
   Spread aspect;                    ///< longest edge over the height on it; 1.15 for an equilateral triangle
-  uint64_t bytes = 0;               ///< that the scene holds
+  Spread extent;                    ///< longest side of a triangle's box
+  /// The shortest positive edge or radius, in ulp of the largest coordinate (2^-23 of the power of two below
+  /// it): how much of float's precision the scene takes. 0: nothing to measure.
+  double smallest_feature_ulp = 0;
+  uint64_t bytes = 0;  ///< that the scene holds
+
+  /// How uneven the sizes of triangles are: 99th over 1st percentile of `extent`; 0 without triangles.
+  double size_spread() const { return extent.percent1 > 0 ? extent.percent99 / extent.percent1 : 0; }
 
   bool closed() const { return boundary_edges == 0 && non_manifold_edges == 0; }
 };

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <string_view>
 
 #include "accel/vec3.h"
 
@@ -17,6 +18,9 @@ struct Vec2f {
 
 enum class TextureWrap : uint8_t { kRepeat, kClampToEdge, kMirroredRepeat };
 enum class TextureFilter : uint8_t { kNearest, kLinear };
+
+/// The MIME type of an encoded image by its first bytes ("image/png"); empty: none that is known.
+std::string ImageType(std::string_view bytes);
 
 /// An image with its sampler. Textures of the same image share its bytes.
 struct Texture {

@@ -16,6 +16,7 @@
 #include "accel/exact.h"
 #include "datasets/fetch.h"
 #include "datasets/random.h"
+#include "datasets/scene_needs.h"
 #include "harness/build_options.h"
 #include "harness/check.h"
 #include "harness/interrupt.h"
@@ -135,7 +136,9 @@ class Campaign {
     try {
       if (scene_.procedural_count() > 0 && (contestant.structure->capabilities & RB_CAN_PROCEDURAL) == 0)
         throw BuildError("it takes triangles only, and the scene has procedural primitives");
-      tree = Tree(contestant, scene_.Geometry(), BuildOptions(options_.threads, options_.seed));
+      tree =
+          Tree(contestant, scene_.Geometry(),
+               BuildOptions(options_.threads, options_.seed, NeedsOf(scene_).BuildNeeds() | kCheckedNeeds));
     } catch (const BuildError& error) {
       ThrowIfInterrupted();
       fmt::print("{}, {}: not verified: {}\n", name_, spec, error.what());

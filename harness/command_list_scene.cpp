@@ -9,6 +9,7 @@
 #include "harness/load.h"
 #include "harness/measure.h"
 #include "harness/results.h"
+#include "harness/run_facts.h"
 
 namespace raybench {
 namespace {
@@ -61,7 +62,9 @@ Json Describe(const Scene& scene, const SceneFacts& facts, double load_seconds) 
   json["instances"] = scene.stats.instances;
   json["shared_triangles"] = scene.stats.shared_triangles;
   json["notes"] = scene.stats.notes;
+  json["needs"] = FactsOf(NeedsOf(scene), scene, facts);
   json["bytes"] = facts.bytes;
+  json["saved_bytes"] = scene.stats.saved_bytes;
   json["hash"] = scene.hash();
   json["source"] = TextOrNull(scene.provenance.source);
   json["package"] = TextOrNull(scene.provenance.package);
@@ -98,6 +101,21 @@ std::string SpreadText(const Json& spread) {
                      spread["percent_99"].get<double>());
 }
 
+/// What the scene asks of loader, tracer and structures, each with its reason.
+void PrintNeeds(const Json& needs) {
+  fmt::print("  needs\n");
+  for (const auto& [name, need] : needs.items()) {
+    if (!need.is_object()) continue;
+    fmt::print("    {:<16} {:<4} {}\n", name, need["needed"].get<bool>() ? "yes" : "no",
+               need["why"].get<std::string>());
+  }
+  if (const Json& ulp = needs["smallest_feature_ulp"]; !ulp.is_null())
+    Line("smallest feature", fmt::format("{:.3g} ulp of the largest coordinate", ulp.get<double>()));
+  if (const Json& spread = needs["size_spread"]; !spread.is_null())
+    Line("triangle sizes",
+         fmt::format("the 99th percentile is {:.3g} times the first", spread.get<double>()));
+}
+
 void Print(const Json& json) {
   fmt::print("{}\n", json["name"].get<std::string>());
   std::string primitives = Count(json, "triangles") + " triangles";
@@ -132,8 +150,11 @@ void Print(const Json& json) {
   if (json["instances"].get<uint64_t>() > 0)
     Line("instances", fmt::format("{}, sharing {} triangles in the file", Count(json, "instances"),
                                   Count(json, "shared_triangles")));
+  PrintNeeds(json["needs"]);
   for (const Json& note : json["notes"]) Line("note", note.get<std::string>());
-  Line("memory", fmt::format("{:.1f} MB", double(json["bytes"].get<uint64_t>()) * 1e-6));
+  Line("memory", fmt::format("{:.1f} MB; left out what nothing reads: {:.1f} MB",
+                             double(json["bytes"].get<uint64_t>()) * 1e-6,
+                             double(json["saved_bytes"].get<uint64_t>()) * 1e-6));
   Line("hash", json["hash"].get<std::string>());
   Line("source", Text(json, "source", "not known"));
   if (!json["package"].is_null())

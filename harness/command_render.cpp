@@ -11,6 +11,7 @@
 #include "harness/load.h"
 #include "harness/machine.h"
 #include "harness/measure.h"
+#include "harness/picture_options.h"
 #include "harness/progress.h"
 #include "harness/render_heat.h"
 #include "tracer/image_io.h"
@@ -27,6 +28,7 @@ struct RenderOptions {
   bool drop_bad = false;
   std::optional<std::string> heat, heat_structures;
   std::string heat_scale = "auto";
+  PictureOptions picture;
 };
 
 /// "640x480", each side 1 to 16384.
@@ -71,10 +73,15 @@ int RenderCommand(const Registry& registry, const RenderOptions& options) {
   const Contestant contestant = ParseContestant(registry, options.structure);
   std::optional<RenderHeatOptions> heat;
   if (options.heat) heat = HeatOptionsOf(registry, options);
+  TraceOptions trace;
+  trace.width = options.width, trace.height = options.height;
+  trace.max_depth = options.depth;
+  trace.threads = options.threads;
+  SetTraceOptions(options.picture, trace);
   LoadOptions load;
   load.seed = options.seed;
   load.drop_bad = options.drop_bad;
-  const Scene scene = LoadWithProgress(options.scene, load);
+  Scene scene = LoadWithProgress(options.scene, load);
   if (scene.primitive_count() == 0)
     throw InputError(fmt::format("scene '{}' has no primitives", options.scene));
   for (const std::string& note : scene.stats.notes) fmt::print("{}: {}\n", options.scene, note);
@@ -84,16 +91,14 @@ int RenderCommand(const Registry& registry, const RenderOptions& options) {
         fmt::format("structure '{}' takes triangles only, but scene '{}' has procedural primitives",
                     contestant.structure->name, options.scene));
   }
-  const rb_build_options build = BuildOptions(options.threads, options.seed);
+  SetBackground(options.picture, scene);
+  const rb_build_options build =
+      BuildOptions(options.threads, options.seed, BuildNeedsOf(scene, trace, *contestant.structure));
   const rb_geometry geometry = scene.Geometry();
   const Stopwatch build_watch(true);
   const Tree tree(contestant, geometry, build);
   const double build_seconds = build_watch.Elapsed().wall;
   Progress progress;
-  TraceOptions trace;
-  trace.width = options.width, trace.height = options.height;
-  trace.max_depth = options.depth;
-  trace.threads = options.threads;
   trace.progress = [&](double fraction) { ThrowIfInterrupted(), progress.Update(fraction, "rendering"); };
   const Stopwatch trace_watch(true);
   const TraceResult result = Trace(scene, tree, trace);
@@ -105,6 +110,9 @@ int RenderCommand(const Registry& registry, const RenderOptions& options) {
              options.height, contestant.Spec(), build_seconds, trace_seconds);
   fmt::print("rays: {} camera, {} shadow, {} reflection, {} refraction\n", result.camera_rays,
              result.shadow_rays, result.reflection_rays, result.refraction_rays);
+  fmt::print("hits: {} camera, {} shadow, {} reflection, {} refraction; shadow rays went on {} times\n",
+             result.camera_hits, result.shadow_blocked, result.reflection_hits, result.refraction_hits,
+             result.shadow_resumed);
   return 0;
 }
 
@@ -154,7 +162,9 @@ void AddRenderCommand(CLI::App& app, Invocation& invocation) {
             ->check(CLI::IsMember({"linear", "log", "auto"}))
             ->needs(heat)
             ->type_name("SCALE");
+        for (CLI::Option* option : AddPictureOptions(command, render.picture)) option->excludes(heat);
         command.footer(
+            "raybench render sponza --samples 4 --filter mitchell --adaptive 0.05 -o sponza.png\n"
             "raybench render engine --heat both --structures \"bvh_sah,bvh_sah(numerics=fast)\" -o heat.png");
       },
       [](RenderOptions& options, const Registry& registry) {

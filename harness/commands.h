@@ -30,6 +30,7 @@ void AddListCommand(CLI::App& app, Invocation& invocation);
 void AddListSceneCommand(CLI::App& list, Invocation& invocation);  ///< below `list`
 void AddFetchCommand(CLI::App& app, Invocation& invocation);
 void AddExtremesCommand(CLI::App& app, Invocation& invocation);
+void AddSpdCommand(CLI::App& app, Invocation& invocation);
 void AddReportCommand(CLI::App& app, Invocation& invocation);
 void AddVerifyCommand(CLI::App& app, Invocation& invocation);
 

@@ -25,6 +25,7 @@ Examples:
   raybench list structures              parameters with ranges and defaults
   raybench fetch engine                 get a real model
   raybench extremes --quick             where answers begin to fail: far away, slivers, copies, ...
+  raybench spd                          count the rays of published scenes beside published figures
   raybench report results/mine          draw the plots
 Truth is kept beside fetched models, in RAYBENCH_CACHE or else ~/.cache/raybench, for the next run;
 RAYBENCH_TRUTH_CACHE=off asks anew.
@@ -49,6 +50,7 @@ int Main(std::vector<std::string> arguments) {
   AddListCommand(app, invocation);
   AddFetchCommand(app, invocation);
   AddExtremesCommand(app, invocation);
+  AddSpdCommand(app, invocation);
   AddReportCommand(app, invocation);
 
   // Google Benchmark's flags are its own: they are set aside before ours are read.

@@ -7,6 +7,7 @@
 #include <set>
 
 #include "datasets/fetch.h"
+#include "datasets/scene_needs.h"
 #include "harness/aimed.h"
 #include "harness/build_options.h"
 #include "harness/interrupt.h"
@@ -29,7 +30,8 @@ class Capturer {
   Capturer(const Registry& registry, const Scene& scene, const CaptureOptions& options)
       : scene_(scene),
         options_(options),
-        tree_(ParseContestant(registry, "bvh_sah"), scene.Geometry(), BuildOptions(0, options.seed)) {}
+        tree_(ParseContestant(registry, "bvh_sah"), scene.Geometry(),
+              BuildOptions(0, options.seed, NeedsOf(scene).BuildNeeds())) {}
 
   Capture Run() {
     // Twice as many pixels as rays wanted: reflected and refracted rays cover only part of a picture.

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <optional>
 
+#include "datasets/scene_needs.h"
 #include "harness/build_options.h"
 #include "harness/heat_files.h"
 #include "harness/interrupt.h"
@@ -99,7 +100,7 @@ int RenderHeat(const Registry& registry, const Scene& scene, const RenderHeatOpt
     }
   }
 
-  const rb_build_options build = BuildOptions(options.threads, options.seed);
+  const rb_build_options build = BuildOptions(options.threads, options.seed, NeedsOf(scene).BuildNeeds());
   const rb_geometry geometry = scene.Geometry();
   Progress progress;
   size_t step = 0;

@@ -14,6 +14,8 @@
 
 #include "datasets/fetch.h"
 #include "datasets/hash.h"
+#include "datasets/scene_facts.h"
+#include "datasets/scene_needs.h"
 #include "harness/bound_tightness.h"
 #include "harness/build_options.h"
 #include "harness/check.h"
@@ -137,6 +139,9 @@ class Run {
       scene_notes_.push_back(Json(scene.stats.notes));
       ray_set_facts_.push_back(Json::array());
       oracles_.push_back(nullptr);
+      const SceneNeeds needs = NeedsOf(scene);
+      build_needs_.push_back(needs.BuildNeeds() | kCheckedNeeds);
+      needs_.push_back(FactsOf(needs, scene, Examine(scene)));
       progress_.Say(fmt::format(
           "{}: {} triangles, {} procedural primitives{}", name, scene.triangles.size(),
           scene.procedural_count(),
@@ -443,7 +448,7 @@ class Run {
 
   Tree TimedBuild(const Entrant& entrant, const rb_geometry& geometry, uint32_t threads,
                   Seconds& seconds) const {
-    rb_build_options build = BuildOptions(threads, options_.seed);
+    rb_build_options build = BuildOptions(threads, options_.seed, build_needs_[scene_index_]);
     build.memory_limit = options_.memory_limit;
     Pinned pinned(threads == 1);
     const Stopwatch watch(/*process=*/true);
@@ -601,6 +606,7 @@ class Run {
     for (size_t i = 0; i < scenes_.size(); ++i) {
       Json facts = {{"scene", names_[i]}};
       facts.update(FactsOf(scenes_[i]));
+      facts["needs"] = needs_[i];
       facts["image"] = replayed_.empty() ? Json("images/" + stems_[i] + ".png") : Json();
       facts["oracle"] = oracles_[i];
       facts["ray_sets"] = ray_set_facts_[i];
@@ -668,8 +674,9 @@ class Run {
   Progress progress_;
   std::vector<Contestant> contestants_;
   std::vector<Scene> scenes_;
-  std::vector<std::string> names_, stems_;  // one per scene, as the four below
-  std::vector<Json> scene_notes_, ray_set_facts_, oracles_;
+  std::vector<std::string> names_, stems_;  // one per scene, as the six below
+  std::vector<Json> scene_notes_, ray_set_facts_, oracles_, needs_;
+  std::vector<uint64_t> build_needs_;
   std::vector<std::string> ray_files_;
   std::vector<std::vector<SourcedSet>> replayed_;  // by scene; empty: captured
   size_t scene_index_ = 0;

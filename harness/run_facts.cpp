@@ -19,9 +19,20 @@ Json FactsOf(const Scene& scene) {
           {"crossed_faces", scene.stats.crossed_faces},
           {"instances", scene.stats.instances},
           {"shared_triangles", scene.stats.shared_triangles},
+          {"saved_bytes", scene.stats.saved_bytes},
           {"scale_exponent", scene.scale_exponent},
           {"automatic_camera", scene.automatic_camera},
           {"automatic_lights", scene.automatic_lights}};
+}
+
+Json FactsOf(const SceneNeeds& needs, const Scene& scene, const SceneFacts& facts) {
+  Json json;
+  for (const Need& need : needs.list) json[need.name] = {{"needed", need.needed}, {"why", need.why}};
+  const auto if_there = [](bool there, Json value) { return there ? std::move(value) : Json(); };
+  json["closed"] = if_there(!scene.triangles.empty(), facts.closed());
+  json["smallest_feature_ulp"] = if_there(facts.smallest_feature_ulp > 0, facts.smallest_feature_ulp);
+  json["size_spread"] = if_there(!scene.triangles.empty(), facts.size_spread());
+  return json;
 }
 
 Json FactsOf(const Contestant& contestant, const Registry& registry) {

@@ -10,6 +10,7 @@
 #include <new>
 #include <set>
 
+#include "datasets/scene_needs.h"
 #include "harness/build_options.h"
 #include "harness/check.h"
 #include "harness/interrupt.h"
@@ -172,6 +173,8 @@ class Verification {
 
   void BuildAll() {
     const rb_geometry geometry = scene().Geometry();
+    const rb_build_options build =
+        BuildOptions(options_.threads, options_.seed, NeedsOf(scene()).BuildNeeds() | kCheckedNeeds);
     planes_.clear();
     for (const Contestant& contestant : contestants_) {
       ThrowIfInterrupted();
@@ -185,7 +188,7 @@ class Verification {
         continue;
       }
       try {
-        entrant.tree = Tree(contestant, geometry, BuildOptions(options_.threads, options_.seed));
+        entrant.tree = Tree(contestant, geometry, build);
       } catch (const BuildError& error) {
         result.skipped = error.what();
       } catch (const std::bad_alloc&) {
@@ -457,7 +460,8 @@ int ReplayOneRay(const Registry& registry, const VerifyOptions& options, const r
   bool broken = false;
   for (const Contestant& contestant : contestants) {
     ThrowIfInterrupted();
-    const Tree tree(contestant, geometry, BuildOptions(options.threads, options.seed));
+    const Tree tree(contestant, geometry,
+                    BuildOptions(options.threads, options.seed, NeedsOf(scene).BuildNeeds() | kCheckedNeeds));
     for (uint32_t query : {RB_CLOSEST, RB_ANY}) {
       RaySet set;
       set.query = query;

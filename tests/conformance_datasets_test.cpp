@@ -9,6 +9,7 @@
 #include "harness/mesh_edges.h"
 #include "harness/ray_aim.h"
 #include "tests/conformance.h"
+#include "tracer/tracer.h"
 
 namespace raybench::testing {
 namespace {
@@ -26,6 +27,9 @@ constexpr const char* kDatasets[] = {
     "city(size=4000)",
     "shells(size=3000)",
     "menger(depth=2)",
+    "gears(size=2)",
+    "rings(size=2)",
+    "tree(size=7)",
     "subdivide(icosphere(level=2),levels=2)",
 };
 
@@ -82,6 +86,35 @@ TEST_P(Dataset, EveryStructureAnswersAsBruteDoes) {
     EXPECT_GE(structures, 15u);
   }
 }
+
+class Picture : public ::testing::TestWithParam<const char*> {};
+
+TEST_P(Picture, IsTheSameToTheBitWithEveryStructure) {
+  LoadOptions load;
+  load.seed = 5;
+  const Scene scene = LoadScene(GetParam(), load);
+  const rb_geometry geometry = scene.Geometry();
+  TraceOptions options;
+  options.width = 40, options.height = 30, options.max_depth = 3;
+  const Registry registry;
+  for (const char* numerics : {"exact", "double", "watertight"}) {
+    const TraceResult expected =
+        Trace(scene, Build(fmt::format("brute(numerics={})", numerics), geometry), options);
+    ASSERT_GT(expected.camera_hits, 100u);
+    for (const rb_structure* s : registry.structures()) {
+      const std::string spec = SpecOf(*s, numerics, std::string_view(numerics) != "exact");
+      if (spec.empty()) continue;
+      const TraceResult picture = Trace(scene, Build(spec, geometry), options);
+      EXPECT_EQ(picture.image.pixels, expected.image.pixels) << spec;
+    }
+  }
+}
+
+// Mirrors, glass, light through shells, procedural primitives, interpolated normals.
+INSTANTIATE_TEST_SUITE_P(Every, Picture,
+                         ::testing::Values("sphereflake(depth=1,tessellation=2)", "shells(size=1500)",
+                                           "balls(size=1)", "gears(size=1)", "teapot(size=3)"),
+                         [](const auto& info) { return TestName(info.param); });
 
 INSTANTIATE_TEST_SUITE_P(Every, Dataset, ::testing::ValuesIn(kDatasets),
                          [](const auto& info) { return TestName(info.param); });

@@ -153,7 +153,8 @@ Scene LoadCounted(const std::string& name) {
 }
 
 TEST(GeneratorsTest, CountsAreKnownBefore) {
-  for (const char* name : {"city(size=70)",
+  for (const char* name : {"balls(size=3)",
+                           "city(size=70)",
                            "city(size=5000,strips=1)",
                            "city(size=40000,strips=7)",
                            "fibres(size=60)",
@@ -161,12 +162,16 @@ TEST(GeneratorsTest, CountsAreKnownBefore) {
                            "fibres(size=7000,segments=1,shape=tube)",
                            "fibres(size=30000,segments=5,on=plane,curl=0)",
                            "fibres(size=30000,on=plane,shape=tube,curl=64)",
+                           "gears(size=3)",
                            "icosphere(level=0)",
                            "icosphere(level=5)",
+                           "lattice(size=5)",
                            "menger(depth=0)",
                            "menger(depth=1)",
                            "menger(depth=2)",
                            "menger(depth=4)",
+                           "mount(size=8)",
+                           "rings(size=4)",
                            "shells(size=20,count=1)",
                            "shells(size=20,count=30)",
                            "shells(size=54321,count=7)",
@@ -178,11 +183,14 @@ TEST(GeneratorsTest, CountsAreKnownBefore) {
                            "sphereflake(depth=4,tessellation=0)",
                            "stadium(size=20)",
                            "stadium(size=12345)",
+                           "teapot(size=5)",
                            "terrain(size=2)",
                            "terrain(size=50000,relief=2)",
                            "terrain(size=400,relief=0.001)",
                            "terrain_box(n=1)",
-                           "terrain_box(n=77)"})
+                           "terrain_box(n=77)",
+                           "tetra(size=4)",
+                           "tree(size=7)"})
     LoadCounted(name);
   EXPECT_EQ(LoadCounted("menger(depth=3)").triangles.size(), 36096u);
 }

@@ -51,11 +51,90 @@ TEST_F(GltfTest, MaterialsCamerasAndLights) {
   EXPECT_EQ(scene.cameras[0].eye, (Vec3f{0, 0, 5}));
   EXPECT_EQ(scene.cameras[0].at, (Vec3f{0, 0, 0}));
   EXPECT_FLOAT_EQ(scene.cameras[0].tan_half_fov, float(1 / std::sqrt(3.0)));
-  EXPECT_THAT(scene.stats.notes, ElementsAre("left out: 1 orthographic camera, 1 directional light"));
-  ASSERT_EQ(scene.lights.size(), 1u);
+  EXPECT_THAT(scene.stats.notes, ElementsAre("left out: 1 orthographic camera"));
+  ASSERT_EQ(scene.lights.size(), 2u);
+  EXPECT_EQ(scene.lights[0].kind, LightKind::kPoint);
   EXPECT_TRUE(scene.lights[0].falloff);
+  EXPECT_EQ(scene.lights[0].range, INFINITY);
   EXPECT_EQ(scene.lights[0].position, (Vec3f{1, 2, 3}));
   EXPECT_EQ(scene.lights[0].intensity, (Vec3f{40, 20, 0}));
+  EXPECT_EQ(scene.lights[1].kind, LightKind::kDirectional);
+  EXPECT_EQ(scene.lights[1].direction, (Vec3f{0, 0, -1}));
+  EXPECT_EQ(scene.lights[1].intensity, (Vec3f{1, 1, 1}));
+  EXPECT_FALSE(scene.lights[1].falloff);
+}
+
+/// A triangle, and a light of its own node.
+GltfBuilder Lit(const json& light, const json& node = json::object()) {
+  GltfBuilder b;
+  b.Primitive(b.Positions(kSquare), b.Indices<uint8_t>({0, 1, 2}));
+  b.root["extensions"] = {{"KHR_lights_punctual", {{"lights", json::array({light})}}}};
+  b.root["nodes"].push_back(node);
+  b.root["nodes"][1]["extensions"] = {{"KHR_lights_punctual", {{"light", 0}}}};
+  b.root["scenes"][0]["nodes"] = {0, 1};
+  return b;
+}
+
+TEST_F(GltfTest, SpotAndDirectionalLightsShineAlongTheirNode) {
+  // A quarter turn about x takes -z to y; the scale bends nothing, since it acts first and along the axes.
+  const double h = std::sqrt(0.5);
+  const json node = {{"rotation", {h, 0, 0, h}}, {"scale", {2, 3, 5}}, {"translation", {1, 2, 3}}};
+  GltfBuilder spot = Lit({{"type", "spot"},
+                          {"intensity", 8},
+                          {"range", 20},
+                          {"spot", {{"innerConeAngle", 0.5}, {"outerConeAngle", 1.0471975511965976}}}},
+                         node);
+  const Light s = Load(spot).lights.at(0);
+  EXPECT_EQ(s.kind, LightKind::kSpot);
+  EXPECT_TRUE(s.falloff);
+  EXPECT_EQ(s.position, (Vec3f{1, 2, 3}));
+  EXPECT_EQ(s.intensity, (Vec3f{8, 8, 8}));
+  EXPECT_EQ(s.range, 20);  // scales act on places alone
+  EXPECT_NEAR(s.direction.x, 0, 1e-7);
+  EXPECT_NEAR(s.direction.y, 1, 1e-7);
+  EXPECT_NEAR(s.direction.z, 0, 1e-7);
+  EXPECT_FLOAT_EQ(s.cos_inner, float(std::cos(0.5)));
+  EXPECT_FLOAT_EQ(s.cos_outer, 0.5f);
+
+  GltfBuilder sun =
+      Lit({{"type", "directional"}, {"color", {1, 0.5, 0.25}}, {"intensity", 4}, {"range", 20}}, node);
+  const Light d = Load(sun).lights.at(0);
+  EXPECT_EQ(d.kind, LightKind::kDirectional);
+  EXPECT_FALSE(d.falloff);
+  EXPECT_EQ(d.intensity, (Vec3f{4, 2, 1}));
+  EXPECT_NEAR(d.direction.y, 1, 1e-7);
+
+  // Defaults, and the widest cone as files have it: pi / 2 rounded to float.
+  GltfBuilder plain = Lit({{"type", "spot"}, {"spot", json::object()}});
+  EXPECT_EQ(Load(plain).lights.at(0).cos_inner, 1);
+  EXPECT_FLOAT_EQ(Load(plain).lights.at(0).cos_outer, float(std::sqrt(0.5)));
+  GltfBuilder wide = Lit({{"type", "spot"}, {"spot", {{"outerConeAngle", 1.57079637}}}});
+  EXPECT_EQ(Load(wide).lights.at(0).cos_outer, 0);
+}
+
+TEST_F(GltfTest, LightErrors) {
+  const auto error = [&](const json& light, const json& node = json::object()) {
+    GltfBuilder b = Lit(light, node);
+    return Error(b);
+  };
+  EXPECT_THAT(error({{"type", "ambient"}}),
+              HasSubstr("light 0 has the type 'ambient'; allowed are directional, point, spot"));
+  EXPECT_THAT(error({{"type", "point"}, {"intensity", -1}}),
+              HasSubstr("light 0 has intensity -1 and a channel of colour 1; at least 0 is needed"));
+  EXPECT_THAT(error({{"type", "point"}, {"intensity", "1"}}),
+              HasSubstr("lights[0].intensity is \"1\"; a number"));
+  EXPECT_THAT(error({{"type", "point"}, {"color", {1, -0.5, 1}}}), HasSubstr("a channel of colour -0.5"));
+  EXPECT_THAT(error({{"type", "point"}, {"color", {1, 1}}}), HasSubstr("an array of 3 numbers is needed"));
+  EXPECT_THAT(error({{"type", "point"}, {"range", -2}}), HasSubstr("light 0 has range -2; more than 0"));
+  EXPECT_THAT(error({{"type", "point"}, {"intensity", 1e300}}), HasSubstr("light 0 is not finite"));
+  EXPECT_THAT(error({{"type", "spot"}}), HasSubstr("Spot light description not found"));
+  for (const json& cones :
+       {json{{"innerConeAngle", 0.5}, {"outerConeAngle", 0.4}}, json{{"innerConeAngle", -0.1}},
+        json{{"outerConeAngle", 1.6}}, json{{"innerConeAngle", 0}, {"outerConeAngle", 0}}})
+    EXPECT_THAT(error({{"type", "spot"}, {"spot", cones}}), HasSubstr("0 <= inner <= outer <= pi/2"))
+        << cones;
+  EXPECT_THAT(error({{"type", "directional"}}, {{"scale", {1, 1, 0}}}),
+              HasSubstr("the light of node 1 has no direction"));
 }
 
 const std::string kPng = "\x89PNG\r\n\x1A\n not decoded here";
@@ -227,6 +306,208 @@ TEST_F(GltfTest, AlphaAndSpecularGlossiness) {
   EXPECT_EQ(scene.materials[2].specular, (Vec3f{0, 0, 0}));
   EXPECT_EQ(scene.materials[2].base_color_texture, 0);
   EXPECT_EQ(scene.uvs.back(), (Vec2f{0, 2}));
+}
+
+class GltfMaterialTest : public GltfTest {
+ protected:
+  /// One material on a triangle.
+  static GltfBuilder Wearing(const json& material) {
+    GltfBuilder b;
+    b.Primitive(b.Positions(kSquare), b.Indices<uint8_t>({0, 1, 2}))["material"] = 0;
+    b.root["materials"].push_back(material);
+    return b;
+  }
+  Material Read(const json& material) {
+    GltfBuilder b = Wearing(material);
+    return Load(b).materials.at(0);
+  }
+  std::string MaterialError(const json& material) {
+    GltfBuilder b = Wearing(material);
+    return Error(b);
+  }
+  static json Glass(const json& more = json::object()) {
+    json glass = {{"pbrMetallicRoughness", {{"metallicFactor", 0}, {"baseColorFactor", {1, 0.5, 0.25, 1}}}},
+                  {"extensions", {{"KHR_materials_transmission", {{"transmissionFactor", 0.75}}}}}};
+    glass.merge_patch(more);
+    return glass;
+  }
+};
+
+TEST_F(GltfMaterialTest, TransmissionRefractsInABodyAndGoesStraightThroughAPane) {
+  const Material body = Read(Glass({{"extensions", {{"KHR_materials_ior", {{"ior", 1.25}}}}}}));
+  EXPECT_EQ(body.transmit, (Vec3f{0.75f, 0.375f, 0.1875f}));
+  EXPECT_EQ(body.diffuse, (Vec3f{0.25f, 0.125f, 0.0625f}));
+  EXPECT_EQ(body.ior, 1.25f);
+  EXPECT_TRUE(body.fresnel);
+  EXPECT_FALSE(body.thin);
+  EXPECT_EQ(Read(Glass()).ior, 1.5f);
+  const json two_sided = {{"doubleSided", true}};
+  EXPECT_TRUE(Read(Glass(two_sided)).thin);
+  EXPECT_TRUE(Read(Glass(two_sided)).fresnel);
+  json thick = two_sided;
+  thick["extensions"]["KHR_materials_volume"]["thicknessFactor"] = 0.5;
+  EXPECT_FALSE(Read(Glass(thick)).thin);
+  thick["extensions"]["KHR_materials_volume"]["thicknessFactor"] = 0;
+  EXPECT_TRUE(Read(Glass(thick)).thin);
+  // Metals let nothing through, whatever the factor.
+  const Material metal = Read(Glass({{"pbrMetallicRoughness", {{"metallicFactor", 1}}}}));
+  EXPECT_EQ(metal.transmit, (Vec3f{0, 0, 0}));
+  EXPECT_FALSE(metal.fresnel);
+  // Nor does a factor of 0; a blended surface is no dielectric.
+  json blend =
+      Glass({{"alphaMode", "BLEND"}, {"pbrMetallicRoughness", {{"baseColorFactor", {1, 1, 1, 0.25}}}}});
+  blend["extensions"]["KHR_materials_transmission"]["transmissionFactor"] = 0;
+  const Material veil = Read(blend);
+  EXPECT_EQ(veil.transmit, (Vec3f{0.75f, 0.75f, 0.75f}));
+  EXPECT_TRUE(veil.thin);
+  EXPECT_FALSE(veil.fresnel);
+  EXPECT_EQ(veil.ior, 1);
+}
+
+TEST_F(GltfMaterialTest, IorDecidesTheHighlightOfDielectrics) {
+  const auto specular = [&](const json& extensions) {
+    return Read({{"extensions", extensions},
+                 {"pbrMetallicRoughness", {{"metallicFactor", 0}, {"roughnessFactor", 0}}}})
+        .specular.x;
+  };
+  EXPECT_FLOAT_EQ(specular(json::object()), 0.04f);
+  EXPECT_FLOAT_EQ(specular({{"KHR_materials_ior", {{"ior", 3}}}}), 0.25f);
+  EXPECT_EQ(specular({{"KHR_materials_ior", {{"ior", 1}}}}), 0);
+  EXPECT_GT(specular({{"KHR_materials_ior", {{"ior", 0}}}}), 0.99f);  // "infinite"
+}
+
+TEST_F(GltfMaterialTest, DispersionIsAbbesNumber) {
+  const json prism = {
+      {"extensions",
+       {{"KHR_materials_ior", {{"ior", 1.6}}}, {"KHR_materials_dispersion", {{"dispersion", 0.5}}}}}};
+  const Material m = Read(Glass(prism));
+  EXPECT_LT(m.dispersion.x, 0);
+  EXPECT_EQ(m.dispersion.y, 0);
+  const double abbe = (m.ior - 1.0) / (m.dispersion.z - m.dispersion.x);
+  EXPECT_NEAR(abbe, 20 / 0.5, 1e-4);
+  // However strong, no index falls below that of air.
+  json strong = prism;
+  strong["extensions"]["KHR_materials_dispersion"]["dispersion"] = 1000;
+  const Material rainbow = Read(Glass(strong));
+  EXPECT_GE(rainbow.ior + rainbow.dispersion.x, 1);
+  json pane = prism;
+  pane["doubleSided"] = true;
+  EXPECT_EQ(Read(Glass(pane)).dispersion, (Vec3f{0, 0, 0}));
+  EXPECT_EQ(Read(prism).dispersion, (Vec3f{0, 0, 0})) << "opaque";
+}
+
+TEST_F(GltfMaterialTest, EmissionMayExceedOne) {
+  const json lamp = {{"emissiveFactor", {1, 0.5, 0.25}},
+                     {"extensions", {{"KHR_materials_emissive_strength", {{"emissiveStrength", 8}}}}}};
+  EXPECT_EQ(Read(lamp).emission, (Vec3f{8, 4, 2}));
+  EXPECT_EQ(Read({{"emissiveFactor", {1, 0.5, 0.25}}}).emission, (Vec3f{1, 0.5f, 0.25f}));
+  EXPECT_EQ(Read({{"name", "dark"}}).emission, (Vec3f{0, 0, 0}));
+}
+
+TEST_F(GltfMaterialTest, ErrorsNameTheMaterialAndTheNumber) {
+  const auto with = [](const char* extension, const char* key, const json& value) {
+    return json{{"extensions", {{extension, {{key, value}}}}}};
+  };
+  EXPECT_THAT(MaterialError(with("KHR_materials_ior", "ior", 0.5)),
+              HasSubstr("material 0 has ior 0.5 (KHR_materials_ior); 0 (infinite) or at least 1 is needed"));
+  const std::pair<const char*, const char*> keys[] = {{"KHR_materials_ior", "ior"},
+                                                      {"KHR_materials_transmission", "transmissionFactor"},
+                                                      {"KHR_materials_emissive_strength", "emissiveStrength"},
+                                                      {"KHR_materials_dispersion", "dispersion"},
+                                                      {"KHR_materials_volume", "thicknessFactor"}};
+  for (const auto& [extension, key] : keys) {
+    EXPECT_THAT(MaterialError(with(extension, key, -1)),
+                AllOf(HasSubstr("material 0 has "), HasSubstr(key), HasSubstr("-1"),
+                      HasSubstr("at least 0 is needed")));
+    EXPECT_THAT(MaterialError(with(extension, key, "1")),
+                AllOf(HasSubstr(key), HasSubstr("a number is needed")));
+  }
+  EXPECT_THAT(MaterialError({{"emissiveTexture", {{"texCoord", 0}}}}),
+              HasSubstr("materials[0].emissiveTexture.index is missing"));
+  EXPECT_THAT(MaterialError({{"emissiveFactor", {1, 1, 1}}, {"emissiveTexture", {{"index", 3}}}}),
+              HasSubstr("refers to texture 3; there are 0"));
+}
+
+TEST_F(GltfMaterialTest, IgnoredExtensionsAreNamed) {
+  GltfBuilder b = Wearing({{"extensions",
+                            {{"KHR_materials_sheen", json::object()},
+                             {"KHR_materials_clearcoat", json::object()},
+                             {"KHR_materials_ior", json::object()}}}});
+  EXPECT_THAT(Load(b).stats.notes, ElementsAre("extensions of materials that are not followed: "
+                                               "KHR_materials_clearcoat, KHR_materials_sheen"));
+}
+
+/// Whatever the factors, a surface gives back no more than it gets.
+TEST_F(GltfMaterialTest, WeightsAddUpToAtMostOne) {
+  for (double metal : {0.0, 0.3, 1.0})
+    for (double rough : {0.0, 0.4, 1.0})
+      for (double transmission : {0.0, 0.7, 1.0})
+        for (const char* mode : {"OPAQUE", "BLEND"}) {
+          const Material m = Read(
+              {{"alphaMode", mode},
+               {"pbrMetallicRoughness",
+                {{"metallicFactor", metal}, {"roughnessFactor", rough}, {"baseColorFactor", {1, 1, 1, 0.6}}}},
+               {"extensions", {{"KHR_materials_transmission", {{"transmissionFactor", transmission}}}}}});
+          EXPECT_LE(m.diffuse.x + m.reflect.x + m.transmit.x, 1 + 1e-6f)
+              << metal << " " << rough << " " << transmission << " " << mode;
+          EXPECT_GE(m.diffuse.x, 0);
+        }
+}
+
+TEST_F(GltfTest, EmissiveTextures) {
+  const json glow = {{"emissiveFactor", {1, 1, 1}}, {"emissiveTexture", {{"index", 1}, {"texCoord", 1}}}};
+  {  // alone, and with coordinates of its own
+    Textured b;
+    b.root["materials"] = json::array({glow});
+    b.Draw(0);
+    const Scene scene = Load(b);
+    EXPECT_EQ(scene.materials[0].base_color_texture, -1);
+    EXPECT_EQ(scene.materials[0].emission_texture, 0);
+    EXPECT_EQ(scene.textures.at(0).name, "again");
+    EXPECT_EQ(scene.uvs.at(2), (Vec2f{2, 2}));
+  }
+  {  // at the places of the base colour
+    Textured b;
+    b.root["materials"] = json::array({glow});
+    b.root["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = {{"index", 0}, {"texCoord", 1}};
+    b.Draw(0);
+    const Scene scene = Load(b);
+    EXPECT_EQ(scene.materials[0].base_color_texture, 0);
+    EXPECT_EQ(scene.materials[0].emission_texture, 1);
+    EXPECT_TRUE(scene.stats.notes.empty());
+  }
+  const json turned = {{"KHR_texture_transform", {{"rotation", 1}}}};
+  for (const json& base : {json{{"index", 0}}, json{{"index", 0}, {"texCoord", 1}, {"extensions", turned}}}) {
+    Textured b;
+    b.root["materials"] = json::array({glow});
+    b.root["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = base;
+    b.Draw(0);
+    const Scene scene = Load(b);
+    EXPECT_EQ(scene.materials[0].base_color_texture, 0);
+    EXPECT_EQ(scene.materials[0].emission_texture, -1);
+    EXPECT_EQ(scene.materials[0].emission, (Vec3f{0, 0, 0}));
+    EXPECT_THAT(scene.stats.notes, ElementsAre(HasSubstr("material 0 does not glow")));
+    EXPECT_EQ(scene.textures.size(), 1u);
+  }
+  {  // multiplied by 0: not needed
+    Textured b;
+    b.root["materials"] = json::array({glow});
+    b.root["materials"][0].erase("emissiveFactor");
+    b.Draw(0);
+    const Scene scene = Load(b);
+    EXPECT_TRUE(scene.textures.empty());
+    EXPECT_TRUE(scene.uvs.empty());
+  }
+  {  // missing: all of it would glow
+    Textured b;
+    b.root["images"] = {{{"uri", "none.png"}}};
+    b.root["materials"] = json::array({glow});
+    b.Draw(0);
+    const Scene scene = Load(b);
+    EXPECT_EQ(scene.materials[0].emission, (Vec3f{0, 0, 0}));
+    EXPECT_THAT(scene.stats.notes, ElementsAre(HasSubstr("none.png is missing")));
+    EXPECT_TRUE(scene.uvs.empty());
+  }
 }
 
 TEST_F(GltfTest, NormalsTurnWithTheirNode) {

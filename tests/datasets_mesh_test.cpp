@@ -110,13 +110,188 @@ TEST_F(MeshTest, Materials) {
   EXPECT_EQ(material(2).transmit, (Vec3f{0.75f, 0.75f, 0.75f}));
   EXPECT_EQ(material(3).ior, 1.33f);
   EXPECT_EQ(material(3).diffuse, (Vec3f{0.25f, 0.25f, 0.25f}));
-  EXPECT_EQ(material(3).emission, (Vec3f{0, 0, 1}));
+  EXPECT_EQ(material(3).emission, (Vec3f{0, 0, 2}));
+  EXPECT_TRUE(material(3).thin);
   EXPECT_EQ(material(4).name, "nowhere");
   EXPECT_EQ(material(4).diffuse, Material().diffuse);
   EXPECT_EQ(material(5).diffuse, (Vec3f{1, 0, 0}));
   EXPECT_EQ(material(5).specular, (Vec3f{0.5f, 0.25f, 0}));
   EXPECT_EQ(material(5).shininess, 96);
   EXPECT_EQ(material(5).reflect, (Vec3f{0, 0, 0}));
+}
+
+TEST_F(MeshTest, IlluminationModels) {
+  std::string mtl, obj = std::string("mtllib m.mtl\n") + kSquare;
+  for (int illum = 0; illum <= 10; ++illum) {
+    const std::string number = std::to_string(illum);
+    mtl += "newmtl clear" + number + "\nKd 0.5 0.5 0.5\nKs 0.25 0.25 0.25\nd 0.5\nNi 1.25\nillum " + number +
+           "\nnewmtl solid" + number + "\nillum " + number + "\nKs 0.25 0.25 0.25\n";
+    obj += "usemtl clear" + number + "\nf 1 2 3\nusemtl solid" + number + "\nf 1 2 3\n";
+  }
+  files_.Write("m.mtl", mtl);
+  const Scene scene = Obj(obj);
+  for (uint32_t illum = 0; illum <= 10; ++illum) {
+    SCOPED_TRACE(illum);
+    const Material& clear = scene.materials[scene.MaterialOf(2 * illum)];
+    const Material& solid = scene.materials[scene.MaterialOf(2 * illum + 1)];
+    const bool mirrors = illum >= 3 && illum <= 9, refracts = illum == 6 || illum == 7;
+    EXPECT_EQ(solid.specular.x, illum >= 2 ? 0.25f : 0.0f);
+    EXPECT_EQ(solid.reflect.x, mirrors ? 0.25f : 0.0f);
+    EXPECT_EQ(solid.transmit.x, 0);
+    EXPECT_FALSE(solid.thin);
+    EXPECT_EQ(solid.diffuse.x, illum == 0 ? 0 : Material().diffuse.x);
+    EXPECT_EQ(solid.emission.x, illum == 0 ? Material().diffuse.x : 0);
+    EXPECT_EQ(clear.thin, !refracts);
+    EXPECT_EQ(clear.fresnel, illum == 5 || illum == 7);
+    EXPECT_EQ(clear.ior, 1.25f);
+    // Half of it passes, of what is not mirrored; in 7 Fresnel's equations decide about that.
+    EXPECT_EQ(clear.reflect.x, mirrors && illum != 7 ? 0.25f : 0.0f);
+    EXPECT_EQ(clear.transmit.x, mirrors && illum != 7 ? 0.375f : 0.5f);
+    EXPECT_EQ(clear.diffuse.x + clear.emission.x, 0.25f);
+  }
+}
+
+TEST_F(MeshTest, TransmissionFilterColoursWhatIsRefracted) {
+  files_.Write(
+      "m.mtl",
+      "newmtl glass\nillum 7\nTf 1 0.5 0.25\nd 1\nnewmtl clear\nillum 6\nTr 0.75\nnewmtl veil\nillum 4\n"
+      "d -halo 0.5\nTf 1 0 0\nnewmtl maya\nillum 4\nTf 1 1 1\nnewmtl one\nKd 0.25\nNi 0.001\nNs 0\n"
+      "newmtl odd\nKd xyz 1 1 1\nNi x\nillum\nKs\nTf spectral a.rfl 1\n");
+  std::string obj = std::string("mtllib m.mtl\n") + kSquare;
+  for (const char* name : {"glass", "clear", "veil", "maya", "one", "odd"})
+    obj += std::string("usemtl ") + name + "\nf 1 2 3\n";
+  const Scene scene = Obj(obj);
+  const auto material = [&](uint32_t i) { return scene.materials[scene.MaterialOf(i)]; };
+  EXPECT_EQ(material(0).transmit, (Vec3f{1, 0.5f, 0.25f}));
+  EXPECT_EQ(material(0).diffuse, (Vec3f{1, 1, 1} - material(0).transmit) * Material().diffuse);
+  EXPECT_EQ(material(1).transmit, (Vec3f{0.75f, 0.75f, 0.75f}));
+  EXPECT_EQ(material(2).transmit, (Vec3f{0.5f, 0.5f, 0.5f})) << "dissolves without colour";
+  EXPECT_EQ(material(3).transmit, (Vec3f{0, 0, 0})) << "what is solid in files of some programs";
+  EXPECT_EQ(material(4).diffuse, (Vec3f{0.25f, 0.25f, 0.25f}));
+  EXPECT_EQ(material(4).ior, 1);
+  EXPECT_EQ(material(4).shininess, 1);
+  EXPECT_EQ(material(5).diffuse, Material().diffuse) << "what does not parse is passed over";
+  EXPECT_EQ(material(5).ior, Material().ior);
+}
+
+TEST_F(MeshTest, Textures) {
+  std::filesystem::create_directory(files_.path() / "look");
+  files_.Write("look/my wood.png", "\x89PNG not decoded");
+  files_.Write("look/leaf.TGA", "no mark");
+  files_.Write("look/m.mtl",
+               "newmtl wood\nKd 1 1 1\nmap_Kd -clamp on -s 2 2 1 -o 0 0 0 my wood.png\n"
+               "newmtl again\nmap_Kd -clamp on .\\my wood.png\nmap_d leaf.TGA\nbump leaf.TGA\n"
+               "newmtl lamp\nKe 4 4 4\nmap_Ke leaf.TGA\n"
+               "newmtl lost\nKd 0.5 0.5 0.5\nmap_Kd none.png\nKe 1 1 1\nmap_Ke none.png\n"
+               "newmtl plain\n");
+  const std::string text =
+      std::string("mtllib look/m.mtl\n") + kSquare + "vt 0 0\nvt 1 0.25 # a comment\nvt 0.5\nvt 3 1 0\n";
+  const Scene scene = Obj(text +
+                          "usemtl wood\nf 1/1 2/2 3/3 4/4\nusemtl plain\nf 1/4 2/4 3/4\n"
+                          "usemtl lamp\nf 1/-4 2/-3 3/-1\nusemtl lost\nf 1/2 2/2 3/2\n");
+  ASSERT_EQ(scene.textures.size(), 2u);
+  EXPECT_EQ(scene.textures[0].name, "my wood.png");
+  EXPECT_EQ(scene.textures[0].mime_type, "image/png");
+  EXPECT_EQ(scene.textures[0].wrap_u, TextureWrap::kClampToEdge);
+  EXPECT_EQ(*scene.textures[0].bytes, "\x89PNG not decoded");
+  EXPECT_EQ(scene.textures[1].mime_type, "image/x-tga");
+  EXPECT_EQ(scene.textures[1].wrap_u, TextureWrap::kRepeat);
+  const auto material = [&](uint32_t i) { return scene.materials[scene.MaterialOf(i)]; };
+  EXPECT_EQ(material(0).base_color_texture, 0);
+  EXPECT_EQ(material(2).base_color_texture, -1);
+  EXPECT_EQ(material(3).emission_texture, 1);
+  EXPECT_EQ(material(3).emission, (Vec3f{4, 4, 4}));
+  EXPECT_EQ(material(4).base_color_texture, -1);
+  EXPECT_EQ(material(4).diffuse, (Vec3f{0.5f, 0.5f, 0.5f}));
+  EXPECT_EQ(material(4).emission, (Vec3f{0, 0, 0})) << "all of it would glow";
+  EXPECT_THAT(
+      scene.stats.notes,
+      ElementsAre("m.mtl: textures not applied: bump, map_d", "m.mtl: options of textures not applied: -s",
+                  AllOf(HasSubstr("a texture is not used"), HasSubstr("none.png: no such file"))));
+  // v points down. Corners 1 and 2 agree with what is there; corner 3 has other coordinates for the lamp, and
+  // untextured ones stay with the first.
+  ASSERT_EQ(scene.uvs.size(), scene.positions.size());
+  const auto uv = [&](size_t i, size_t k) { return scene.uvs[scene.triangles[i][k]]; };
+  EXPECT_EQ(uv(0, 0), (Vec2f{0, 1}));
+  EXPECT_EQ(uv(0, 1), (Vec2f{1, 0.75f}));
+  EXPECT_EQ(uv(0, 2), (Vec2f{0.5f, 1}));
+  EXPECT_EQ(uv(1, 2), (Vec2f{3, 0}));
+  EXPECT_EQ(scene.triangles[3][0], scene.triangles[0][0]);
+  EXPECT_EQ(uv(3, 2), (Vec2f{3, 0}));
+  EXPECT_EQ(scene.positions[scene.triangles[3][2]], (Vec3f{1, 1, 0}));
+  EXPECT_EQ(scene.triangles[2], scene.triangles[4]) << "neither has coordinates";
+  EXPECT_TRUE(scene.normals.empty());
+  // 4 of the square, 1 for the lamp, 3 without coordinates.
+  EXPECT_EQ(scene.positions.size(), 8u);
+
+  const Scene shared = Obj(text + "usemtl wood\nf 1/1 2/2 3/3\nusemtl again\nf 1/1 2/2 3/3\n");
+  EXPECT_EQ(shared.textures.size(), 2u) << "named otherwise";
+  EXPECT_EQ(shared.positions.size(), 4u);
+}
+
+TEST_F(MeshTest, CoordinatesOnlyWhereATextureWantsThem) {
+  files_.Write("p.png", "\x89PNG");
+  files_.Write("m.mtl", "newmtl a\nmap_Kd p.png\nnewmtl b\n");
+  const std::string text = std::string("mtllib m.mtl\n") + kSquare + "vt 0 0\nvt x 0\n";
+  const Scene plain = Obj(text + "usemtl b\nf 1/1 2/1 3/1\nf 1/2 3/2 4/9\n");
+  EXPECT_TRUE(plain.uvs.empty());
+  EXPECT_TRUE(plain.stats.notes.empty());
+  EXPECT_EQ(plain.hash(), Obj(std::string(kSquare) + "f 1 2 3\nf 1 3 4\n").hash());
+  const Scene bad = Obj(text + "usemtl a\nf 1/1 2/2 3/3\nf 1 2 4\n");
+  EXPECT_THAT(bad.stats.notes,
+              ElementsAre("1 corners of triangles refer to texture coordinates or normals that are not there",
+                          "2 triangles have a texture but no coordinates for it",
+                          "1 texture coordinates are not finite and count as 0"));
+  const Scene bare = Obj(text + "usemtl a\nf 1 2 4\n");
+  EXPECT_TRUE(bare.uvs.empty());
+  EXPECT_THAT(bare.stats.notes, ElementsAre("1 triangles have a texture but no coordinates for it"));
+}
+
+TEST_F(MeshTest, NormalsOnlyWhereTheyDifferFromTheTriangles) {
+  const std::string text =
+      std::string(kSquare) + "vn 0 0 1\nvn 0.6 0 0.8\nvn 0 0 -2\nvn 0.005 0 1\nvn nan 0 1\n";
+  const Scene flat = Obj(text + "f 1//1 2//1 3//1 4//1\nf 1//3 2//3 3//3\nf 1//4 2//4 4//4\n");
+  EXPECT_TRUE(flat.normals.empty());
+  EXPECT_EQ(flat.positions.size(), 4u);
+  // One vertex with the triangle's normal, one with another; a leaning triangle.
+  const Scene smooth = Obj(text + "f 1//1 2//2 3//2\nf 1//2 2//2 3//2\nf 1//1 2//1 3//1\n");
+  const auto normal = [&](size_t i, size_t k) { return smooth.normals.at(smooth.triangles[i][k]); };
+  EXPECT_EQ(normal(0, 0), (Vec3f{0, 0, 1}));
+  EXPECT_EQ(normal(0, 1), (Vec3f{0.6f, 0, 0.8f}));
+  EXPECT_EQ(normal(1, 0), (Vec3f{0.6f, 0, 0.8f}));
+  EXPECT_EQ(smooth.triangles[1][1], smooth.triangles[0][1]);
+  for (size_t k = 0; k < 3; ++k) EXPECT_EQ(normal(2, k), (Vec3f{0, 0, 0}));
+  EXPECT_EQ(smooth.positions.size(), 4u + 1 + 3);
+  const Scene bad = Obj(text + "f 1//5 2//1 3//1\nf 1//7 2//2 3//2\n");
+  EXPECT_THAT(bad.stats.notes,
+              ElementsAre("1 corners of triangles refer to texture coordinates or normals that are not there",
+                          "1 shading normals are not finite and count as 0"));
+}
+
+TEST_F(MeshTest, LooksStayWithTheirCornersInAnyPolygon) {
+  files_.Write("p.png", "\x89PNG");
+  files_.Write("m.mtl", "newmtl a\nmap_Kd p.png\n");
+  // Texture coordinates are positions / 9, so that any mistake shows. A frame, in which corners occur twice;
+  // a corner given twice in a row, a face of two corners, and one left out.
+  std::string text = "mtllib m.mtl\n";
+  const int at[8][2] = {{0, 0}, {9, 0}, {9, 9}, {0, 9}, {3, 3}, {3, 6}, {6, 6}, {6, 3}};
+  for (const auto& [x, y] : at) {
+    text += "v " + std::to_string(x) + " " + std::to_string(y) + " 0\n";
+    text += "vt " + std::to_string(x / 9.0) + " " + std::to_string(y / 9.0) + "\n";
+  }
+  text +=
+      "v nan 0 0\nusemtl a\nf 3/3 4/4 1/1\nf 1/1 2/2 3/3 4/4 1/1 5/5 6/6 7/7 8/8 5/5\nf 1/1 2/2\n"
+      "f 9/1 1/1 2/2\nf 5/5 5/1 6/6 7/7\nf 99/1 1/1 2/2\nf 8/8 7/7 6/6 5/5\n";
+  LoadOptions options;
+  options.drop_bad = true;
+  const Scene scene = Obj(text, options);
+  EXPECT_THAT(scene.triangle_face, ElementsAre(0, 1, 1, 1, 1, 1, 1, 1, 1, 4, 6, 6));
+  ASSERT_EQ(scene.uvs.size(), scene.positions.size());
+  for (const Triangle& t : scene.triangles)
+    for (uint32_t v : t) {
+      EXPECT_NEAR(scene.uvs[v].u, scene.positions[v].x / 9, 1e-6);
+      EXPECT_NEAR(scene.uvs[v].v, 1 - scene.positions[v].y / 9, 1e-6);
+    }
 }
 
 TEST_F(MeshTest, ObjErrors) {
@@ -216,8 +391,11 @@ TEST_F(MeshTest, OffErrors) {
 }
 
 TEST_F(MeshTest, DamagedFilesLoadOrNameTheFile) {
-  std::string obj =
-      "mtllib m.mtl\n" + std::string(kSquare) + "usemtl a\nf 1 2 3 4\nf 1/1/1 2/2/2 3/3/3\nf -1 -2 -3\n";
+  files_.Write("p.png", "\x89PNG");
+  files_.Write("m.mtl", "newmtl a\nmap_Kd p.png\n");
+  std::string obj = "mtllib m.mtl\n" + std::string(kSquare) +
+                    "vt 0 0\nvt 1 0\nvn 0 1 1\nvn 1 0 1\nvt 1 1\nusemtl a\nf 1 2 3 4\nf 1/1/1 2/2/2 3/3/3\n"
+                    "f -1/-1 -2//-2 -3/1/1\n";
   std::string off =
       "COFF\n4 2 0\n0 0 0 1 1 1\n1 0 0 1 1 1\n0 1 0 1 1 1\n1 1 0 1 1 1\n3 0 1 2 9 9 9\n4 0 1 2 3\n";
   EXPECT_LT(CountRefusedMutations(files_, "m.obj", obj, 2000), 2000);

@@ -143,6 +143,58 @@ TEST(FinishTest, NamesWhatIsBad) {
   scene = Tetrahedron(1);
   scene.cameras.push_back({{1, 1, 1}, {1, 1, 1}, {0, 1, 0}, 1});
   EXPECT_THAT(FinishError(scene), HasSubstr("camera 0"));
+  scene = Tetrahedron(1);
+  scene.environment = 0;
+  EXPECT_THAT(FinishError(scene), HasSubstr("the environment is texture 0; there are 0"));
+  scene = Tetrahedron(1);
+  scene.materials.resize(2);
+  scene.materials[1].emission_texture = 2;
+  EXPECT_THAT(FinishError(scene), HasSubstr("material 1 has texture 2; there are 0"));
+}
+
+TEST(FinishTest, NamesBadLights) {
+  const auto error = [](Light light) {
+    Scene scene = Tetrahedron(1);
+    scene.lights = {Light{}, light};
+    return FinishError(scene);
+  };
+  Light light;
+  light.intensity.y = NAN;
+  EXPECT_THAT(error(light), HasSubstr("light 1 is not finite"));
+  light = {};
+  light.range = 0;
+  EXPECT_THAT(error(light), HasSubstr("light 1 has the range 0; more than 0 is needed"));
+  for (LightKind kind : {LightKind::kDirectional, LightKind::kSpot})
+    for (Vec3f direction : {Vec3f{0, 0, 0}, Vec3f{0, NAN, 1}, Vec3f{INFINITY, 0, 0}}) {
+      light = {};
+      light.kind = kind, light.direction = direction;
+      EXPECT_THAT(error(light), HasSubstr("light 1 has the direction ("));
+      light.kind = LightKind::kPoint;
+      EXPECT_EQ(error(light), "") << "a point light has none";
+    }
+  for (const auto& [inner, outer] :
+       {std::pair{0.5f, 0.6f}, {1.5f, 0.5f}, {0.5f, -1.5f}, {NAN, 0.5f}, {1.0f, NAN}}) {
+    light = {};
+    light.kind = LightKind::kSpot, light.cos_inner = inner, light.cos_outer = outer;
+    EXPECT_THAT(error(light), HasSubstr("light 1 has cones of the cosines"));
+  }
+}
+
+TEST(FinishTest, DirectionsOfLightsBecomeUnit) {
+  Scene scene = Tetrahedron(1);
+  Light light;
+  light.direction = {0, 3e-20f, -4e-20f}, light.falloff = true;
+  for (LightKind kind : {LightKind::kDirectional, LightKind::kSpot}) {
+    light.kind = kind;
+    scene.lights.push_back(light);
+  }
+  scene.Finish();
+  for (const Light& l : scene.lights) {
+    EXPECT_FLOAT_EQ(l.direction.y, 0.6f);
+    EXPECT_FLOAT_EQ(l.direction.z, -0.8f);
+  }
+  EXPECT_FALSE(scene.lights[0].falloff) << "there is no distance to the sun";
+  EXPECT_TRUE(scene.lights[1].falloff);
 }
 
 TEST(FinishTest, DropsBadTrianglesWhenAsked) {
@@ -197,6 +249,26 @@ TEST(FinishTest, KeepsTheLightThatArrivesWhenItRescales) {
   EXPECT_EQ(scene.lights[0].position.y, 2.0f);
 }
 
+TEST(FinishTest, RescalesRangesAndLeavesTheSunAlone) {
+  Scene scene = Tetrahedron(0x1p40f);
+  Light lamp, sun, faint, huge;
+  lamp.range = 0x1p42f;
+  sun.kind = LightKind::kDirectional, sun.intensity = {3, 2, 1}, sun.falloff = true;
+  faint.range = 0x1p-140f;
+  scene.lights = {lamp, sun, faint};
+  scene.Finish();
+  ASSERT_EQ(scene.scale_exponent, -40);
+  EXPECT_EQ(scene.lights[0].range, 4);
+  EXPECT_EQ(scene.lights[1].range, INFINITY);
+  EXPECT_EQ(scene.lights[1].intensity, (Vec3f{3, 2, 1}));
+  EXPECT_GT(scene.lights[2].range, 0) << "rounded to 0 it would be refused another time";
+  Scene dust = Tetrahedron(0x1p-60f);
+  huge.range = 0x1p100f;
+  dust.lights = {huge};
+  dust.Finish();
+  EXPECT_EQ(dust.lights[0].range, std::numeric_limits<float>::max());
+}
+
 TEST(FinishTest, RefusesToRescaleWithLoss) {
   Scene scene = Tetrahedron(0x1p100f);
   scene.positions[0] = {0x1.234566p-60f, 0, 0};
@@ -229,7 +301,7 @@ TEST(FinishTest, MakesACameraThatSeesTheWholeBox) {
         EXPECT_LE(std::abs(Dot(p, right)), c.tan_half_fov * depth);
         EXPECT_LE(std::abs(Dot(p, up)), c.tan_half_fov * depth);
       }
-      for (const PointLight& light : scene.lights) {
+      for (const Light& light : scene.lights) {
         Bounds3 at;
         at.Extend(light.position);
         EXPECT_FALSE(scene.bounds().Contains(at));

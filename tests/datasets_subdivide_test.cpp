@@ -226,6 +226,32 @@ TEST(SubdivideTest, SameOnEveryMachine) {
   }
 }
 
+TEST(SubdivideTest, LeavesOutTexturesAndWhatGlowsByThem) {
+  ScratchDirectory files;
+  files.Write("p.png", "\x89PNG not decoded");
+  files.Write("m.mtl", "newmtl a\nmap_Kd p.png\nKe 1 1 1\nmap_Ke p.png\nnewmtl b\nKe 2 2 2\n");
+  const std::string path = files.Write(
+      "m.obj",
+      "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl a\nf 1/1 2/2 3/3\nusemtl b\n");
+  EXPECT_EQ(LoadScene(path).uvs.size(), 3u);
+  const Scene scene = LoadScene("subdivide(" + path + ")");
+  EXPECT_TRUE(scene.uvs.empty() && scene.textures.empty());
+  ASSERT_EQ(scene.materials.size(), 3u);
+  EXPECT_EQ(scene.materials[1].base_color_texture, -1);
+  EXPECT_EQ(scene.materials[1].emission_texture, -1);
+  EXPECT_EQ(scene.materials[1].emission, (Vec3f{0, 0, 0}));
+  EXPECT_EQ(scene.materials[2].emission, (Vec3f{2, 2, 2}));
+}
+
+TEST(SceneFactsTest, BytesAreOfAllThatTheSceneHolds) {
+  Scene scene = LoadScene("icosphere(level=0)");
+  const uint64_t before = Examine(scene).bytes;
+  scene.lights.reserve(scene.lights.capacity() + 1000);
+  scene.cameras.reserve(scene.cameras.capacity() + 1000);
+  scene.textures.reserve(1000);
+  EXPECT_GE(Examine(scene).bytes, before + 1000 * (sizeof(Light) + sizeof(Camera) + sizeof(Texture)));
+}
+
 TEST(SceneFactsTest, CountsEdgesAndMeasuresTriangles) {
   const ScratchDirectory files;
   const Scene scene = LoadScene(files.Write(

@@ -40,7 +40,7 @@ void AddOutgoing(const Scene& scene, const Tree& tree, const RaySet* set, Outgoi
     const Vec3d view = Normalize(Dir(set->rays[i]));
     const bool leaving = Dot(surface.normal, view) > 0;
     const Vec3d facing = surface.normal * (leaving ? -1.0 : 1.0);
-    for (const PointLight& light : scene.lights)
+    for (const Light& light : scene.lights)
       out.shadow += Dot(facing, ToDouble(light.position) - surface.point) > 0;
     const double cosine = Dot(facing, view), eta = leaving ? material.ior : 1 / double(material.ior);
     const bool total = eta * eta * (1 - cosine * cosine) > 1, glass = Lets(material.transmit);

@@ -381,7 +381,7 @@ TEST(TracerCapture, ShadowRaysReachTheirLightAtOne) {
   for (const rb_ray& ray : FindSet(result, "shadow.0")->rays) {
     const Vec3d end = Org(ray) + Dir(ray);
     double nearest = 1;
-    for (const PointLight& light : scene.lights)
+    for (const Light& light : scene.lights)
       nearest = std::min(nearest, Length(end - ToDouble(light.position)));
     ASSERT_LT(nearest, 1e-6);
     ASSERT_LT(ray.tfar, 1);

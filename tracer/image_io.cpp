@@ -10,6 +10,7 @@
 #include <system_error>
 
 #include "accel/parameters.h"
+#include "tracer/oiio.h"
 
 namespace raybench {
 namespace {
@@ -26,11 +27,6 @@ std::string FormatOf(const std::string& path) {
   return extension;
 }
 
-/// OpenImageIO may report several lines.
-std::string FirstLine(const std::string& text) {
-  return text.empty() ? "no reason given" : text.substr(0, text.find('\n'));
-}
-
 // The transfer curve of IEC 61966-2-1.
 uint8_t ToSrgb(float linear) {
   if (!(linear > 0)) return 0;  // NaN too
@@ -38,11 +34,6 @@ uint8_t ToSrgb(float linear) {
   const double x = linear;
   const double encoded = x <= 0.0031308 ? 12.92 * x : 1.055 * std::pow(x, 1 / 2.4) - 0.055;
   return uint8_t(encoded * 255 + 0.5);
-}
-
-float FromSrgb(float encoded) {
-  const double x = encoded;
-  return float(x <= 0.04045 ? x / 12.92 : std::pow((x + 0.055) / 1.055, 2.4));
 }
 
 /// Removes the temporary file unless it has been renamed.

@@ -130,4 +130,25 @@ SurfacePoint SurfaceAt(const Scene& scene, const rb_ray& ray, const rb_hit& hit)
   return OnPolygon(scene.PlaneOfPolygon(i), ray, hit);
 }
 
+Vec3d ShadingNormal(const Scene& scene, const rb_hit& hit, Vec3d geometric) {
+  if (hit.prim >= scene.triangles.size()) return geometric;
+  const auto& corners = scene.triangles[hit.prim];
+  const double weights[] = {1 - double(hit.u) - double(hit.v), hit.u, hit.v};
+  Vec3d sum{0, 0, 0};
+  for (int i = 0; i < 3; ++i) {
+    const Vec3d n = ToDouble(scene.normals[corners[size_t(i)]]);
+    const double square = Dot(n, n);
+    if (square > 0) sum = sum + n * (weights[i] / std::sqrt(square));
+  }
+  const double square = Dot(sum, sum);
+  return square > 0 ? sum * (1 / std::sqrt(square)) : geometric;
+}
+
+Vec2f UvAt(const Scene& scene, const rb_hit& hit) {
+  const auto& [i0, i1, i2] = scene.triangles[hit.prim];
+  const Vec2f a = scene.uvs[i0], b = scene.uvs[i1], c = scene.uvs[i2];
+  const double u = hit.u, v = hit.v, w = 1 - u - v;
+  return {float(w * a.u + u * b.u + v * c.u), float(w * a.v + u * b.v + v * c.v)};
+}
+
 }  // namespace raybench

@@ -1,62 +1,29 @@
-// How a picture is made. Camera rays are walked in bands. Within a band, everything at one depth is done in
-// batches:
+// How a picture is made. Samples of the image plane are walked in bands. Within a band, everything at one
+// depth is done in batches:
 //
-//   paths of depth d --closest hits--> shading --shadow rays--> any hits --> colours --> pixels
+//   paths of depth d --closest hits--> shading --shadow rays--> visibility --> colours --> samples --> film
 //                                        \--reflected and refracted rays--> paths of depth d + 1
 //
-// Paths stand in the order of their pixels (tiles of 8 x 8), those of one pixel side by side; each batch is a
-// subsequence of them. Work is cut into chunks of fixed size whose outputs are concatenated in order, and
-// each pixel is summed up in the order of its paths: so pictures and ray sets depend neither on the thread
-// count nor on the size of bands.
+// Paths stand in the order of their samples (tiles of 8 x 8 pixels), those of one sample side by side; each
+// batch is a subsequence of them. Work is cut into chunks of fixed size whose outputs are concatenated in
+// order, each sample is summed up in the order of its paths, and each pixel in the order of its samples: so
+// pictures and ray sets depend neither on the thread count nor on the size of bands.
+//
+// What rays pass, holes cut out by alpha and for shadow rays also what transmits, is passed in rounds: those
+// rays that may go on are asked again, for hits behind the last one in the order (t, prim).
 #include "tracer/tracer.h"
 
-#include <tbb/global_control.h>
-#include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
-
-#include <array>
 #include <cmath>
-#include <limits>
 #include <stdexcept>
 #include <utility>
 
-#include "tracer/surface.h"
+#include "tracer/camera_rays.h"
+#include "tracer/film.h"
+#include "tracer/shader.h"
+#include "tracer/workers.h"
 
 namespace raybench {
 namespace {
-
-constexpr size_t kChunk = 4096;  // rays of a task
-constexpr uint32_t kTile = 8;    // pixels
-constexpr float kShadowFar =
-    1 - 0x1p-20f;  // t of the light is 1 up to rounding: what carries the light is no blocker
-constexpr float kInfinity = std::numeric_limits<float>::infinity();
-
-class Workers {
- public:
-  explicit Workers(uint32_t threads) {
-    // Asking for more than oneTBB may start would only make it complain.
-    const size_t most = tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism);
-    arena_.initialize(int(threads == 0 ? most : std::min<size_t>(threads, most)));
-  }
-
-  /// Calls work(chunk, begin, end) for every chunk of [0, n), in parallel.
-  template <class Work>
-  void ForChunks(size_t n, const Work& work) {
-    arena_.execute([&] {
-      tbb::parallel_for(size_t{0}, ChunkCount(n), [&](size_t chunk) {
-        work(chunk, chunk * kChunk, std::min(n, (chunk + 1) * kChunk));
-      });
-    });
-  }
-  template <class Work>
-  void ForEach(size_t n, const Work& work) {
-    arena_.execute([&] { tbb::parallel_for(size_t{0}, n, work); });
-  }
-  static size_t ChunkCount(size_t n) { return (n + kChunk - 1) / kChunk; }
-
- private:
-  tbb::task_arena arena_;
-};
 
 void QueryChunks(Workers& workers, const Tree& tree, const rb_query& query) {
   if (query.counts && !tree.structure().query_counted)
@@ -74,19 +41,19 @@ void QueryChunks(Workers& workers, const Tree& tree, const rb_query& query) {
   });
 }
 
-rb_query MakeQuery(uint32_t kind, const std::vector<rb_ray>& rays) {
+rb_query MakeQuery(uint32_t kind, const Batch& batch) {
   rb_query query{};
   query.struct_size = sizeof query;
   query.kind = kind;
-  query.n = rays.size();
-  query.rays = rays.data();
+  query.n = batch.rays.size();
+  query.rays = batch.rays.data();
+  if (!batch.skip.empty()) query.skip = batch.skip.data();
   return query;
 }
 
-void FindHits(Workers& workers, const Tree& tree, const std::vector<rb_ray>& rays,
-              std::vector<rb_hit>& hits) {
-  hits.resize(rays.size());
-  rb_query query = MakeQuery(RB_CLOSEST, rays);
+void FindHits(Workers& workers, const Tree& tree, const Batch& batch, std::vector<rb_hit>& hits) {
+  hits.resize(batch.rays.size());
+  rb_query query = MakeQuery(RB_CLOSEST, batch);
   query.hits = hits.data();
   QueryChunks(workers, tree, query);
 }
@@ -100,164 +67,92 @@ bool IsHit(const Scene& scene, const Tree& tree, const rb_hit& hit) {
   return true;
 }
 
-/// Invalid rays (overflow, a light at the hit point) become the stand-in that Freeze() counts.
-rb_ray MakeRay(Vec3f org, Vec3f dir, float tfar) {
-  const rb_ray ray{{org.x, org.y, org.z}, 0, {dir.x, dir.y, dir.z}, tfar};
-  return IsValidRay(ray) ? ray : InvalidRayStandIn();
-}
-
-/// Camera rays by pixel, and pixels by slot: position in the order of tiles.
-class PictureRays {
- public:
-  PictureRays(const Scene& scene, uint32_t width, uint32_t height) : width_(width), height_(height) {
-    const Camera& camera = scene.cameras.front();
-    const Vec3d forward = ToDouble(camera.at) - ToDouble(camera.eye),
-                right = Cross(forward, ToDouble(camera.up));
-    eye_ = camera.eye;
-    forward_ = Normalize(forward);
-    right_ = Normalize(right);
-    up_ = Cross(right_, forward_);
-    tan_y_ = camera.tan_half_fov;
-    tan_x_ = tan_y_ * width / height;
-  }
-
-  uint32_t Pixel(uint64_t slot) const {
-    const uint64_t row_rays = uint64_t{kTile} * width_;
-    const uint32_t y0 = uint32_t(slot / row_rays) * kTile;
-    const uint32_t rest = uint32_t(slot % row_rays), tile_height = std::min(kTile, height_ - y0);
-    const uint32_t x0 = rest / (kTile * tile_height) * kTile, in_tile = rest % (kTile * tile_height);
-    const uint32_t tile_width = std::min(kTile, width_ - x0);
-    return (y0 + in_tile / tile_width) * width_ + x0 + in_tile % tile_width;
-  }
-
-  rb_ray Ray(uint32_t pixel) const {
-    const double x = (2 * (pixel % width_ + 0.5) / width_ - 1) * tan_x_;
-    const double y = (1 - 2 * (pixel / width_ + 0.5) / height_) * tan_y_;
-    return MakeRay(eye_, ToFloat(Normalize(forward_ + right_ * x + up_ * y)), kInfinity);
-  }
-
- private:
-  uint32_t width_, height_;
-  Vec3f eye_;
-  Vec3d forward_, right_, up_;
-  double tan_x_, tan_y_;
-};
-
-/// The batch a path's ray stands in. At depth 0 camera rays take the place of reflected ones.
-enum RayKind : uint32_t { kReflection, kRefraction, kRayKinds };
-
-struct Path {
-  Vec3f weight;
-  uint32_t pixel;
-  uint32_t kind : 1, ray : 31;  ///< RayKind, and place in that batch
-};
-
-/// All paths of one depth.
-struct Level {
-  std::vector<Path> paths;
-  std::array<std::vector<rb_ray>, kRayKinds> rays;
-
-  void Clear() {
-    paths.clear();
-    for (auto& batch : rays) batch.clear();
-  }
-  void Push(RayKind kind, Vec3f weight, uint32_t pixel, const rb_ray& ray) {
-    paths.push_back({weight, pixel, kind, uint32_t(rays[kind].size()) & 0x7FFFFFFFu});
-    rays[kind].push_back(ray);
-  }
-};
-
-/// What a path gains if nothing stands between its hit and a light.
-struct Lit {
-  Vec3f color;
-  uint32_t path;
-};
-
-struct ChunkOutput {
-  Level next;
-  std::vector<rb_ray> shadow;
-  std::vector<Lit> lit;
-};
-
-/// Fills `all` with the parts, in order. `part(i)` is the i-th vector, `copy(i, from, to)` copies with
-/// fix-ups.
-template <class T, class Part, class Copy>
-void Concatenate(Workers& workers, size_t count, std::vector<T>& all, const Part& part, const Copy& copy) {
-  std::vector<size_t> begin(count + 1, 0);
-  for (size_t i = 0; i < count; ++i) begin[i + 1] = begin[i] + part(i).size();
-  all.resize(begin[count]);
-  workers.ForEach(count, [&](size_t i) { copy(i, part(i), all.data() + begin[i]); });
-}
-
-template <class T, class Part>
-void Concatenate(Workers& workers, size_t count, std::vector<T>& all, const Part& part) {
-  Concatenate(workers, count, all, part,
-              [](size_t, const std::vector<T>& from, T* to) { std::copy(from.begin(), from.end(), to); });
-}
-
 bool IsBlack(Vec3f color) { return color == Vec3f{0, 0, 0}; }
 
-/// Shading (Whitted 1980): ambient and emission, Lambert and Phong for every light in front of the surface,
-/// an ideal mirror ray, a refracted ray by Snell's law. Both sides are shaded alike. No path is cut off for
-/// its low weight.
-class Shader {
+void ConcatenateBatches(Workers& workers, size_t count, Batch& all, const auto& part) {
+  Concatenate(
+      workers, count, all.rays, [&](size_t i) -> auto& { return part(i).rays; });
+  Concatenate(
+      workers, count, all.skip, [&](size_t i) -> auto& { return part(i).skip; });
+}
+
+/// Follows rays through the hits that they pass.
+class Walk {
  public:
-  Shader(const Scene& scene, bool last) : scene_(scene), last_(last) {}
+  Walk(const Scene& scene, const Tree& tree, Workers& workers)
+      : scene_(scene), tree_(tree), workers_(workers) {}
 
-  /// Returns the path's colour without lights; adds shadow rays and the next paths to `out`.
-  Vec3f Shade(const Path& path, uint32_t path_index, const rb_ray& ray, const rb_hit& hit,
-              ChunkOutput& out) const {
-    const Material& material = scene_.materials[scene_.MaterialOf(hit.prim)];
-    const SurfacePoint surface = SurfaceAt(scene_, ray, hit);
-    const Vec3d view = Normalize(ToDouble(LoadVec3(ray.dir)));
-    const bool leaving = Dot(surface.normal, view) > 0;  // along the geometric normal: out of the body
-    const double side = leaving ? -1 : 1;
-    const Vec3d normal = surface.normal * side;
-    const double cos_view = -Dot(normal, view);
-    const Vec3d mirrored = view + normal * (2 * cos_view);
-    const Vec3f org = surface.Origin(side);
-
-    for (const PointLight& light : scene_.lights) {
-      const Vec3d to_light = ToDouble(light.position) - surface.point;
-      const double square = Dot(to_light, to_light), cosine = Dot(normal, to_light) / std::sqrt(square);
-      if (!(cosine > 0)) continue;
-      Vec3f color = material.diffuse * float(cosine);
-      if (!IsBlack(material.specular)) {
-        const double phong = Dot(mirrored, to_light) / std::sqrt(square);
-        if (phong > 0) color = color + material.specular * float(std::pow(phong, double(material.shininess)));
-      }
-      color = color * light.intensity * float(light.falloff ? 1 / square : 1);
-      out.shadow.push_back(MakeRay(org, light.position - org, kShadowFar));
-      out.lit.push_back({path.weight * color, path_index});
+  /// `passes(i, hit)` is asked about each hit of ray i, nearest first, until it says false: whether the ray
+  /// goes on through it. hits[i], the first hit on entry, is the one it ended at, or a miss. Returns how many
+  /// hits were passed.
+  template <class Passes>
+  uint64_t Run(const Batch& batch, std::vector<rb_hit>& hits, const Passes& passes) {
+    if (batch.rays.size() > 0xFFFFFFFFu)
+      throw InputError("more than 2^32 rays in a batch: trace smaller bands");
+    uint64_t passed = 0;
+    KeepActive(batch.rays.size(), hits, passes, [](size_t k) { return uint32_t(k); });
+    for (; !active_.empty(); KeepActive(active_.size(), hits, passes, [&](size_t k) { return active_[k]; })) {
+      passed += active_.size();
+      Resume(batch, hits);
     }
-
-    if (!last_) {
-      Vec3f reflect = material.reflect;
-      Vec3d refracted{};
-      bool transmits = !IsBlack(material.transmit);
-      if (transmits) {
-        const double eta = leaving ? double(material.ior) : 1 / double(material.ior);
-        const double cos_squared = 1 - eta * eta * (1 - cos_view * cos_view);
-        if (cos_squared < 0) {  // total internal reflection: the mirror ray takes it all
-          transmits = false;
-          reflect = reflect + material.transmit;
-        } else {
-          refracted = view * eta + normal * (eta * cos_view - std::sqrt(cos_squared));
-        }
-      }
-      if (!IsBlack(reflect))
-        out.next.Push(kReflection, path.weight * reflect, path.pixel,
-                      MakeRay(org, ToFloat(mirrored), kInfinity));
-      if (transmits)
-        out.next.Push(kRefraction, path.weight * material.transmit, path.pixel,
-                      MakeRay(surface.Origin(-side), ToFloat(Normalize(refracted)), kInfinity));
-    }
-    return path.weight * (material.emission + scene_.ambient * material.diffuse);
+    return passed;
   }
 
  private:
+  template <class Passes, class RayOf>
+  void KeepActive(size_t count, const std::vector<rb_hit>& hits, const Passes& passes, const RayOf& ray_of) {
+    const size_t chunks = Workers::ChunkCount(count);
+    if (parts_.size() < chunks) parts_.resize(chunks);
+    workers_.ForChunks(count, [&](size_t chunk, size_t begin, size_t end) {
+      parts_[chunk].clear();
+      for (size_t k = begin; k < end; ++k) {
+        const uint32_t i = ray_of(k);
+        if (IsHit(scene_, tree_, hits[i]) && passes(i, hits[i])) parts_[chunk].push_back(i);
+      }
+    });
+    Concatenate(
+        workers_, chunks, active_, [&](size_t i) -> auto& { return parts_[i]; });
+  }
+
+  void Resume(const Batch& batch, std::vector<rb_hit>& hits) {
+    const size_t n = active_.size();
+    rest_.rays.resize(n), after_.resize(n), rest_.skip.resize(batch.skip.empty() ? 0 : n);
+    workers_.ForChunks(n, [&](size_t, size_t begin, size_t end) {
+      for (size_t k = begin; k < end; ++k) {
+        const uint32_t i = active_[k];
+        rest_.rays[k] = batch.rays[i];
+        rest_.rays[k].tnear = hits[i].t, after_[k] = hits[i].prim;
+        if (!batch.skip.empty()) rest_.skip[k] = batch.skip[i];
+      }
+    });
+    found_.resize(n);
+    rb_query query = MakeQuery(RB_CLOSEST, rest_);
+    query.after = after_.data(), query.hits = found_.data();
+    QueryChunks(workers_, tree_, query);
+    workers_.ForChunks(n, [&](size_t, size_t begin, size_t end) {
+      for (size_t k = begin; k < end; ++k) {
+        const rb_hit &last = hits[active_[k]], &next = found_[k];
+        if (next.prim != RAYBENCH_NONE && !(next.t > last.t || (next.t == last.t && next.prim > last.prim)))
+          throw std::runtime_error(std::string("structure ") + tree_.structure().name +
+                                   " answered with a hit that is not behind the last one");
+        hits[active_[k]] = next;
+      }
+    });
+  }
+
   const Scene& scene_;
-  const bool last_;  // at the depth limit
+  const Tree& tree_;
+  Workers& workers_;
+  std::vector<std::vector<uint32_t>> parts_;
+  std::vector<uint32_t> active_, after_;
+  Batch rest_;
+  std::vector<rb_hit> found_;
+};
+
+/// A sample of the image plane: cell's slot (TiledCells) and number within it.
+struct SampleId {
+  uint64_t slot;
+  uint32_t index;
 };
 
 class Wavefront {
@@ -266,30 +161,130 @@ class Wavefront {
       : scene_(scene),
         tree_(tree),
         options_(options),
+        sampling_(options.sampling),
+        cells_(CellsOf(options)),
         camera_(scene, options.width, options.height),
-        workers_(options.threads) {
-    result_.image = {options.width, options.height,
-                     std::vector<Vec3f>(size_t{options.width} * options.height)};
+        shader_(scene, options),
+        max_depth_(options.rules == TraceRules::kSpd ? 4 : options.max_depth),
+        workers_(options.threads),
+        walk_(scene, tree, workers_),
+        film_(options.width, options.height, options.sampling) {
+    const uint64_t can = tree.structure().capabilities;
+    const auto require = [&](bool needed, uint64_t capability, const char* what) {
+      if (needed && (can & capability) == 0)
+        throw InputError(std::string("structure ") + tree.structure().name + " cannot " + what);
+    };
+    require(shader_.needs().transmittance || shader_.needs().holes, RB_CAN_AFTER,
+            "go on behind a hit, which scenes with transmitting or cut-out surfaces need");
+    require(options.self_intersection == SelfIntersection::kSkip, RB_CAN_SKIP,
+            "skip a primitive, which this cure against self-intersection needs");
   }
 
   TraceResult Run() {
-    const uint64_t rays = result_.image.pixels.size(),
-                   bands = (rays + options_.band_rays - 1) / options_.band_rays;
-    for (uint64_t band = 0; band < bands; ++band) {
-      StartBand(band * options_.band_rays, std::min<uint64_t>(rays, (band + 1) * options_.band_rays));
-      for (uint32_t depth = 0; !level_.paths.empty(); ++depth) {
-        TraceLevel(depth);
-        if (options_.progress && depth < options_.max_depth)
-          options_.progress((double(band) + (depth + 1.0) / (options_.max_depth + 1.0)) / double(bands));
-      }
-      if (options_.progress) options_.progress(double(band + 1) / double(bands));
+    const uint32_t per_cell = sampling_.PixelSamples();
+    if (sampling_.adaptive_contrast > 0 && per_cell > 1) {
+      TraceAdaptively();
+    } else {
+      const auto sample = [&](uint64_t i) { return SampleId{i / per_cell, uint32_t(i % per_cell)}; };
+      TracePass(cells_.size() * per_cell, sample, 0, 1, [&](uint64_t begin) { AddToFilm(begin, sample, 1); });
     }
     std::erase_if(result_.ray_sets, [](const RaySet& set) { return set.rays.empty(); });
     for (RaySet& set : result_.ray_sets) Freeze(set, scene_.bounds());
+    result_.image = film_.Develop();
     return std::move(result_);
   }
 
  private:
+  static TiledCells CellsOf(const TraceOptions& options) {
+    const bool corners = options.sampling.pattern == SamplePattern::kCorners;
+    return {options.width + corners, options.height + corners};
+  }
+
+  /// One sample a pixel, then the others of those pixels that differ from a neighbour.
+  void TraceAdaptively() {
+    const uint32_t per_cell = sampling_.PixelSamples(), first = sampling_.FirstSample();
+    const uint32_t width = cells_.width(), height = cells_.height();
+    std::vector<Vec3f> colors(cells_.size());  // row by row
+    const auto at = [&](uint32_t x, uint32_t y) -> Vec3f& { return colors[size_t{y} * width + x]; };
+    TracePass(
+        cells_.size(),
+        [&](uint64_t i) {
+          return SampleId{i, first};
+        },
+        0, 0.5,
+        [&](uint64_t begin) {
+          for (size_t i = 0; i < samples_.size(); ++i) {
+            const auto [x, y] = cells_.At(begin + i);
+            at(x, y) = samples_[i];
+          }
+        });
+
+    const auto differs = [&](TiledCells::Cell cell) {
+      const Vec3f own = Shown(at(cell.x, cell.y));
+      for (uint32_t y = cell.y - (cell.y > 0); y <= std::min(cell.y + 1, height - 1); ++y)
+        for (uint32_t x = cell.x - (cell.x > 0); x <= std::min(cell.x + 1, width - 1); ++x) {
+          const Vec3f d = Shown(at(x, y)) - own;
+          if (std::max({std::fabs(d.x), std::fabs(d.y), std::fabs(d.z)}) > sampling_.adaptive_contrast)
+            return true;
+        }
+      return false;
+    };
+    // All samples of a pixel weigh as much as the only one of another.
+    const float share = 1 / float(per_cell);
+    std::vector<uint64_t> refined;
+    for (uint64_t slot = 0; slot < cells_.size(); ++slot) {
+      const TiledCells::Cell cell = cells_.At(slot);
+      const bool refine = differs(cell);
+      if (refine) refined.push_back(slot);
+      film_.Add(cell.x, cell.y, first, at(cell.x, cell.y), refine ? share : 1);
+    }
+    const auto sample = [&](uint64_t i) {
+      const auto index = uint32_t(i % (per_cell - 1));
+      return SampleId{refined[i / (per_cell - 1)], index + (index >= first)};
+    };
+    TracePass(refined.size() * (per_cell - 1), sample, 0.5, 1,
+              [&](uint64_t begin) { AddToFilm(begin, sample, share); });
+  }
+  static Vec3f Shown(Vec3f color) { return Max(Min(color, Vec3f{1, 1, 1}), Vec3f{0, 0, 0}); }
+
+  /// Traces samples 0 .. count - 1, band by band; `done(begin)` finds those from `begin` on in samples_.
+  template <class SampleOf, class Done>
+  void TracePass(uint64_t count, const SampleOf& sample_of, double progress_from, double progress_to,
+                 const Done& done) {
+    const uint64_t bands = (count + options_.band_rays - 1) / options_.band_rays;
+    const auto report = [&](double finished) {
+      if (options_.progress)
+        options_.progress(progress_from + (progress_to - progress_from) * (finished / double(bands)));
+    };
+    for (uint64_t band = 0; band < bands; ++band) {
+      const uint64_t begin = band * options_.band_rays;
+      StartBand(begin, std::min<uint64_t>(count, begin + options_.band_rays), sample_of);
+      for (uint32_t depth = 0; !level_.paths.empty(); ++depth) {
+        TraceLevel(depth);
+        if (depth < max_depth_) report(double(band) + (depth + 1.0) / (max_depth_ + 1.0));
+      }
+      done(begin);
+      report(double(band + 1));
+    }
+    if (bands == 0 && options_.progress) options_.progress(progress_to);
+  }
+
+  template <class SampleOf>
+  void AddToFilm(uint64_t begin, const SampleOf& sample_of, float weight) {
+    const auto add = [&](size_t i) {
+      const auto [slot, index] = sample_of(begin + i);
+      const auto [x, y] = cells_.At(slot);
+      film_.Add(x, y, index, samples_[i], weight);
+    };
+    if (film_.OneSampleEach()) {
+      workers_.ForChunks(samples_.size(), [&](size_t, size_t from, size_t to) {
+        for (size_t i = from; i < to; ++i) add(i);
+      });
+    } else {
+      for (size_t i = 0; i < samples_.size(); ++i) add(i);
+    }
+  }
+
   void AddSetsOf(uint32_t depth) {
     if (depth == 0) AddSet("camera", depth, RB_CLOSEST);
     if (depth > 0) AddSet("reflection", depth, RB_CLOSEST), AddSet("refraction", depth, RB_CLOSEST);
@@ -318,79 +313,116 @@ class Wavefront {
     }
   }
 
-  void StartBand(uint64_t begin, uint64_t end) {
+  template <class SampleOf>
+  void StartBand(uint64_t begin, uint64_t end, const SampleOf& sample_of) {
     level_.Clear();
     level_.paths.resize(end - begin);
-    level_.rays[kReflection].resize(end - begin);
+    level_.batches[kReflection].rays.resize(end - begin);
+    samples_.assign(end - begin, Vec3f{0, 0, 0});
     workers_.ForChunks(end - begin, [&](size_t, size_t from, size_t to) {
       for (size_t i = from; i < to; ++i) {
-        const uint32_t pixel = camera_.Pixel(begin + i);
-        level_.paths[i] = {{1, 1, 1}, pixel, kReflection, uint32_t(i) & 0x7FFFFFFFu};
-        level_.rays[kReflection][i] = camera_.Ray(pixel);
+        const auto [slot, index] = sample_of(begin + i);
+        const auto [x, y] = cells_.At(slot);
+        const Vec2f offset = SampleOffset(sampling_, x, y, index);
+        level_.paths[i] = {{1, 1, 1}, uint32_t(i), kReflection, uint32_t(i) & 0x7FFFFFFFu};
+        level_.batches[kReflection].rays[i] =
+            camera_.Through(x + double(offset.u), y + double(offset.v), shader_.tnear());
       }
     });
   }
 
   void TraceLevel(uint32_t depth) {
     if (options_.capture && result_.ray_sets.size() <= ShadowSetIndex(depth)) AddSetsOf(depth);
-    for (uint32_t kind = 0; kind < kRayKinds; ++kind)
-      FindHits(workers_, tree_, level_.rays[kind], hits_[kind]);
-    (depth == 0 ? result_.camera_rays : result_.reflection_rays) += level_.rays[kReflection].size();
-    result_.refraction_rays += level_.rays[kRefraction].size();
+    for (uint32_t kind = 0; kind < kRayKinds; ++kind) {
+      const Batch& batch = level_.batches[kind];
+      FindHits(workers_, tree_, batch, hits_[kind]);
+      if (shader_.needs().holes)
+        walk_.Run(batch, hits_[kind], [&](size_t, const rb_hit& hit) { return shader_.IsHole(hit); });
+    }
+    (depth == 0 ? result_.camera_rays : result_.reflection_rays) += level_.batches[kReflection].rays.size();
+    result_.refraction_rays += level_.batches[kRefraction].rays.size();
 
     const size_t chunks = Workers::ChunkCount(level_.paths.size());
     if (outputs_.size() < chunks) outputs_.resize(chunks);
-    Shade(Shader(scene_, depth >= options_.max_depth));
+    Shade(depth >= max_depth_);
+    for (size_t chunk = 0; chunk < chunks; ++chunk) {
+      (depth == 0 ? result_.camera_hits : result_.reflection_hits) += outputs_[chunk].hits[kReflection];
+      result_.refraction_hits += outputs_[chunk].hits[kRefraction];
+    }
     for (uint32_t kind = 0; kind < kRayKinds; ++kind)
-      Capture(SetIndex(depth, RayKind(kind)), level_.rays[kind]);
+      Capture(SetIndex(depth, RayKind(kind)), level_.batches[kind].rays);
     TraceShadows(chunks);
-    Capture(ShadowSetIndex(depth), shadow_rays_);
-    AddToPixels();
+    Capture(ShadowSetIndex(depth), shadow_.rays);
+    AddToSamples();
     NextLevel(chunks);
   }
 
-  void Shade(const Shader& shader) {
+  void Shade(bool last) {
     colors_.resize(level_.paths.size());
     workers_.ForChunks(level_.paths.size(), [&](size_t chunk, size_t begin, size_t end) {
-      ChunkOutput& out = outputs_[chunk];
-      out.next.Clear(), out.shadow.clear(), out.lit.clear();
+      ShadeOutput& out = outputs_[chunk];
+      out.Clear();
       for (size_t i = begin; i < end; ++i) {
         const Path& path = level_.paths[i];
+        const rb_ray& ray = level_.batches[path.kind].rays[path.ray];
         const rb_hit& hit = hits_[path.kind][path.ray];
-        colors_[i] = IsHit(scene_, tree_, hit)
-                         ? shader.Shade(path, uint32_t(i), level_.rays[path.kind][path.ray], hit, out)
-                         : path.weight * scene_.background;
+        const bool is_hit = IsHit(scene_, tree_, hit);
+        out.hits[path.kind] += is_hit;
+        colors_[i] = is_hit ? shader_.Shade(path, uint32_t(i), ray, hit, last, out)
+                            : path.weight * shader_.Background(ray);
       }
     });
   }
 
   void TraceShadows(size_t chunks) {
-    Concatenate(
-        workers_, chunks, shadow_rays_, [&](size_t i) -> auto& { return outputs_[i].shadow; });
-    result_.shadow_rays += shadow_rays_.size();
-    occluded_.resize(shadow_rays_.size());
-    rb_query query = MakeQuery(RB_ANY, shadow_rays_);
-    query.occluded = occluded_.data();
-    QueryChunks(workers_, tree_, query);
+    ConcatenateBatches(
+        workers_, chunks, shadow_, [&](size_t i) -> auto& { return outputs_[i].shadow; });
+    result_.shadow_rays += shadow_.rays.size();
+    const bool gathers = shader_.needs().transmittance || shader_.needs().holes;
+    gathers ? GatherVisibility() : FindBlocked();
 
     std::vector<size_t> begin(chunks + 1, 0);
     for (size_t i = 0; i < chunks; ++i) begin[i + 1] = begin[i] + outputs_[i].lit.size();
+    std::vector<uint64_t> blocked(chunks);
     workers_.ForEach(chunks, [&](size_t chunk) {
-      const uint8_t* occluded = occluded_.data() + begin[chunk];
-      for (const Lit& lit : outputs_[chunk].lit)
-        if (!*occluded++) colors_[lit.path] = colors_[lit.path] + lit.color;
+      size_t ray = begin[chunk];
+      uint64_t count = 0;
+      for (const auto& [color, path] : outputs_[chunk].lit) {
+        const bool dark = gathers ? IsBlack(visible_[ray]) : occluded_[ray] != 0;
+        if (!dark) colors_[path] = colors_[path] + (gathers ? color * visible_[ray] : color);
+        count += dark, ++ray;
+      }
+      blocked[chunk] = count;
+    });
+    for (uint64_t count : blocked) result_.shadow_blocked += count;
+  }
+
+  void FindBlocked() {
+    occluded_.resize(shadow_.rays.size());
+    rb_query query = MakeQuery(RB_ANY, shadow_);
+    query.occluded = occluded_.data();
+    QueryChunks(workers_, tree_, query);
+  }
+
+  /// What of its light each shadow ray lets through.
+  void GatherVisibility() {
+    FindHits(workers_, tree_, shadow_, shadow_hits_);
+    visible_.assign(shadow_.rays.size(), Vec3f{1, 1, 1});
+    result_.shadow_resumed += walk_.Run(shadow_, shadow_hits_, [&](size_t i, const rb_hit& hit) {
+      visible_[i] = visible_[i] * shader_.Transmittance(hit);
+      return !IsBlack(visible_[i]);
     });
   }
 
-  /// A pixel belongs to the chunk in which its first path stands.
-  void AddToPixels() {
+  /// A sample belongs to the chunk in which its first path stands.
+  void AddToSamples() {
     const std::vector<Path>& paths = level_.paths;
-    auto starts_pixel = [&](size_t i) { return i == 0 || paths[i].pixel != paths[i - 1].pixel; };
+    auto starts_sample = [&](size_t i) { return i == 0 || paths[i].sample != paths[i - 1].sample; };
     workers_.ForChunks(paths.size(), [&](size_t, size_t begin, size_t end) {
-      while (begin < end && !starts_pixel(begin)) ++begin;
-      for (size_t i = begin; begin < end && i < paths.size() && (i < end || !starts_pixel(i)); ++i) {
-        Vec3f& pixel = result_.image.pixels[paths[i].pixel];
-        pixel = pixel + colors_[i];
+      while (begin < end && !starts_sample(begin)) ++begin;
+      for (size_t i = begin; begin < end && i < paths.size() && (i < end || !starts_sample(i)); ++i) {
+        Vec3f& sample = samples_[paths[i].sample];
+        sample = sample + colors_[i];
       }
     });
   }
@@ -400,12 +432,12 @@ class Wavefront {
     for (uint32_t kind = 0; kind < kRayKinds; ++kind) {
       base[kind].assign(chunks + 1, 0);
       for (size_t i = 0; i < chunks; ++i)
-        base[kind][i + 1] = base[kind][i] + outputs_[i].next.rays[kind].size();
+        base[kind][i + 1] = base[kind][i] + outputs_[i].next.batches[kind].rays.size();
       if (base[kind][chunks] > 0x7FFFFFFFu)
         throw InputError("more than 2^31 rays in a batch: trace with smaller bands or less depth");
-      Concatenate(
+      ConcatenateBatches(
           workers_, chunks,
-          level_.rays[kind], [&](size_t i) -> auto& { return outputs_[i].next.rays[kind]; });
+          level_.batches[kind], [&](size_t i) -> auto& { return outputs_[i].next.batches[kind]; });
     }
     Concatenate(
         workers_, chunks, level_.paths, [&](size_t i) -> auto& { return outputs_[i].next.paths; },
@@ -420,21 +452,31 @@ class Wavefront {
   const Scene& scene_;
   const Tree& tree_;
   const TraceOptions& options_;
-  const PictureRays camera_;
+  const Sampling& sampling_;
+  const TiledCells cells_;
+  const CameraRays camera_;
+  const Shader shader_;
+  const uint32_t max_depth_;
   Workers workers_;
+  Walk walk_;
+  Film film_;
   TraceResult result_;
 
   // Buffers, reused from level to level.
   Level level_;
   std::array<std::vector<rb_hit>, kRayKinds> hits_;
-  std::vector<ChunkOutput> outputs_;
-  std::vector<Vec3f> colors_;  // per path
-  std::vector<rb_ray> shadow_rays_;
-  std::vector<uint8_t> occluded_;
+  std::vector<ShadeOutput> outputs_;
+  std::vector<Vec3f> colors_;   // per path
+  std::vector<Vec3f> samples_;  // per sample of the band
+  Batch shadow_;
+  std::vector<uint8_t> occluded_;    // per shadow ray, either
+  std::vector<rb_hit> shadow_hits_;  // or these
+  std::vector<Vec3f> visible_;
 };
 
-void CheckPictureSize(uint32_t width, uint32_t height) {
-  if (width == 0 || height == 0 || uint64_t{width} * height > 0xFFFFFFFFu)
+void CheckPictureSize(uint64_t width, uint64_t height) {
+  constexpr uint64_t kMost = 0xFFFFFFFEu;  // corners are one more
+  if (width == 0 || height == 0 || width > kMost || height > kMost / width)
     throw InputError("picture of " + std::to_string(width) + " x " + std::to_string(height) +
                      " pixels: width and height must be at least 1, their product below 2^32");
 }
@@ -445,6 +487,13 @@ TraceResult Trace(const Scene& scene, const Tree& tree, const TraceOptions& opti
   CheckPictureSize(options.width, options.height);
   if (options.band_rays == 0 || options.band_rays > 0x7FFFFFFFu)
     throw InputError("band_rays = " + std::to_string(options.band_rays) + ": must lie in [1, 2^31)");
+  CheckSampling(options.sampling);
+  const auto check = [](const char* name, float value) {
+    if (!(value >= 0) || !std::isfinite(value))
+      throw InputError(std::string(name) + " = " + std::to_string(value) + ": must be finite and at least 0");
+  };
+  check("self_intersection_size", options.self_intersection_size);
+  check("min_contribution", options.min_contribution);
   return Wavefront(scene, tree, options).Run();
 }
 
@@ -453,9 +502,10 @@ void PixelRays(const Scene& scene, uint32_t width, uint32_t height, uint64_t fir
   CheckPictureSize(width, height);
   if (first + rays.size() > uint64_t{width} * height)
     throw std::out_of_range("camera rays beyond the last pixel");
-  const PictureRays camera(scene, width, height);
+  const CameraRays camera(scene, width, height);
   Workers(threads).ForChunks(rays.size(), [&](size_t, size_t begin, size_t end) {
-    for (size_t i = begin; i < end; ++i) rays[i] = camera.Ray(uint32_t(first + i));
+    for (size_t i = begin; i < end; ++i)
+      rays[i] = camera.Through(double((first + i) % width) + 0.5, double((first + i) / width) + 0.5);
   });
 }
 

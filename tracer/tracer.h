@@ -1,5 +1,7 @@
 // A wavefront Whitted tracer (Whitted 1980) over the plugin contract: it makes batches of camera, shadow,
-// reflection and refraction rays, asks one tree, and shades. It does not know which structure answers.
+// reflection and refraction rays, asks one tree, and shades (shading.h). It does not know which structure
+// answers. It does what the scene needs and no more: shadow rays stop at the first blocker unless light
+// passes some surface; textures, vertex normals and alpha are looked up only where there are any.
 #pragma once
 
 #include <cstdint>
@@ -11,6 +13,7 @@
 #include "accel/registry.h"
 #include "datasets/scene.h"
 #include "tracer/ray_set.h"
+#include "tracer/sampling.h"
 
 namespace raybench {
 
@@ -20,8 +23,38 @@ struct Image {
   std::vector<Vec3f> pixels;
 };
 
+/// How a ray that starts on a surface is kept from hitting it again.
+enum class SelfIntersection : uint8_t {
+  kErrorBound,     ///< origin moved along the normal by a bound of all errors (surface.cpp): the default
+  kNone,           ///< nothing: what goes wrong without
+  kFixedTnear,     ///< tnear = `self_intersection_size`
+  kNormalOffset,   ///< origin moved along the normal by `self_intersection_size`
+  kIntegerOffset,  ///< Waechter and Binder 2019: origin moved by units in the last place
+  kSkip,           ///< the primitive that the ray starts on is skipped (rb_query::skip); flat ones only, the
+                   ///< others as kErrorBound
+};
+
+/// Which rays a picture needs.
+enum class TraceRules : uint8_t {
+  kWhitted,  ///< the model of shading.h
+  /// That of Haines' Standard Procedural Databases, for counting: shadow rays towards every light in front of
+  /// the shading normal, blocked by whatever they hit; a mirror ray where Ks > 0 or T > 0; a refracted one
+  /// where T > 0; tnear 1e-6; depth of the camera ray 1, at most 5. `fresnel`, `min_contribution` and
+  /// `max_depth` do not count.
+  kSpd,
+};
+
+enum class FresnelMode : uint8_t { kMaterial, kOff, kOn };
+
 struct TraceOptions {
   uint32_t width = 512, height = 512;
+  Sampling sampling = {};
+  TraceRules rules = TraceRules::kWhitted;
+  SelfIntersection self_intersection = SelfIntersection::kErrorBound;
+  float self_intersection_size = 1e-4f;  ///< in the units of the scene's file
+  FresnelMode fresnel = FresnelMode::kMaterial;
+  /// Paths whose weight is below this in every channel end; 0: none does.
+  float min_contribution = 0;
   uint32_t max_depth = 4;  ///< reflections and refractions in a row; 0: camera and shadow rays only
   uint32_t threads = 0;    ///< 0: all; the picture is the same at any number
   bool capture = false;    ///< freeze every batch
@@ -33,12 +66,17 @@ struct TraceOptions {
 struct TraceResult {
   Image image;
   /// With `capture`: one set per kind and depth in the order traced (tiles of 8 x 8 pixels); empty ones left
-  /// out.
+  /// out. A ray that goes on behind a hit (transmittance, alpha) stands there once, as it started; shadow
+  /// rays are any-hit rays, also where the tracer had to find all that they pass.
   std::vector<RaySet> ray_sets;
   uint64_t camera_rays = 0, shadow_rays = 0, reflection_rays = 0, refraction_rays = 0;
+  uint64_t camera_hits = 0, shadow_blocked = 0, reflection_hits = 0, refraction_hits = 0;
+  /// Hits that shadow rays went on through: on transmitting surfaces, and in holes cut out by alpha.
+  uint64_t shadow_resumed = 0;
 };
 
-/// Renders the scene with its first camera.
+/// Renders the scene with its first camera. Throws InputError on options out of range, textures that cannot
+/// be read, and structures that cannot go on behind a hit, or skip, where that is needed.
 TraceResult Trace(const Scene& scene, const Tree& tree, const TraceOptions& options);
 
 /// The camera rays of the pixels from `first` on, row by row from the top: the very rays of the same picture

@@ -16,9 +16,10 @@
 namespace raybench {
 
 // A new generator is a file here plus a line in Generators() (load_scene.cpp).
-extern const Generator kCityGenerator, kFibresGenerator, kIcosphereGenerator, kMengerGenerator,
-    kShellsGenerator, kSoupGenerator, kSphereflakeGenerator, kStadiumGenerator, kTerrainGenerator,
-    kTerrainBoxGenerator;
+extern const Generator kBallsGenerator, kCityGenerator, kFibresGenerator, kGearsGenerator,
+    kIcosphereGenerator, kLatticeGenerator, kMengerGenerator, kMountGenerator, kRingsGenerator,
+    kShellsGenerator, kSoupGenerator, kSphereflakeGenerator, kStadiumGenerator, kTeapotGenerator,
+    kTerrainGenerator, kTerrainBoxGenerator, kTetraGenerator, kTreeGenerator;
 
 /// Calls body(i) for each i of 0 <= i < n, in parallel; now and then tells `progress`, on the calling thread,
 /// how much of `share` of the whole is done. A body writes only what belongs to its i, so results do not

@@ -2,11 +2,15 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <climits>
 #include <cmath>
 #include <numbers>
+#include <set>
+#include <string_view>
 
 #include "datasets/tangent.h"
+#include "datasets/text.h"
 
 namespace raybench {
 namespace {
@@ -33,6 +37,8 @@ float Channel(const std::vector<double>& values, size_t i, double fallback) {
 }
 
 constexpr char kSpecularGlossiness[] = "KHR_materials_pbrSpecularGlossiness";
+constexpr char kTransform[] = "KHR_texture_transform";
+constexpr double kMaxIor = 1000;  // stands for infinity: all but 0.4 % is mirrored
 
 /// Sine and cosine without libm, so that texture coordinates are the same on every machine.
 void Rotation(double angle, double& sine, double& cosine) {
@@ -48,16 +54,24 @@ TextureWrap Wrap(int mode) {
                                                          : TextureWrap::kRepeat;
 }
 
-std::string SniffedType(std::string_view bytes) {
-  using namespace std::string_view_literals;
-  if (bytes.starts_with("\x89PNG")) return "image/png";
-  if (bytes.starts_with("\xFF\xD8\xFF")) return "image/jpeg";
-  if (bytes.starts_with("RIFF") && bytes.substr(8).starts_with("WEBP")) return "image/webp";
-  if (bytes.starts_with("\xABKTX 20\xBB"sv)) return "image/ktx2";
-  if (bytes.starts_with("DDS ")) return "image/vnd-ms.dds";
-  if (bytes.starts_with("GIF8")) return "image/gif";
-  if (bytes.starts_with("BM")) return "image/bmp";
-  return {};
+GltfLookup Lookup(int texture, int set, const tinygltf::Value* transform) {
+  GltfLookup out;
+  out.texture = texture, out.set = set;
+  if (transform == nullptr) return out;
+  // Offset * rotation * scale. The rotation is counter-clockwise in the picture, whose v points down.
+  const tinygltf::Value *offset = Find(transform, "offset"), *scale = Find(transform, "scale");
+  const double u = Element(scale, 0, 1), v = Element(scale, 1, 1);
+  double sine, cosine;
+  Rotation(GltfNumber(*transform, "rotation", 0), sine, cosine);
+  out.set = GltfIndex(*transform, "texCoord", out.set);
+  out.xx = cosine * u, out.xy = sine * v, out.x = Element(offset, 0, 0);
+  out.yx = -sine * u, out.yy = cosine * v, out.y = Element(offset, 1, 0);
+  out.mapped = out.xx != 1 || out.xy != 0 || out.x != 0 || out.yx != 0 || out.yy != 1 || out.y != 0;
+  return out;
+}
+
+GltfLookup Lookup(const tinygltf::TextureInfo& info) {
+  return Lookup(info.index, info.texCoord, Find(info.extensions, kTransform));
 }
 
 }  // namespace
@@ -72,13 +86,27 @@ int GltfIndex(const tinygltf::Value& object, const char* key, int fallback) {
   return number == fallback ? fallback : number >= 0 && number < INT_MAX ? int(number) : INT_MAX;
 }
 
-Material GltfMaterial(const tinygltf::Material& m) {
+Material GltfMaterial(const GltfContainer& container, const tinygltf::Material& m, size_t index) {
+  const auto number = [&](const char* extension, const char* key, double fallback) {
+    const tinygltf::Value* object = Find(m.extensions, extension);
+    const double value = object == nullptr ? fallback : GltfNumber(*object, key, fallback);
+    if (!(value >= 0))
+      container.Fail(
+          fmt::format("material {} has {} {} ({}); at least 0 is needed", index, key, value, extension));
+    return value;
+  };
   const tinygltf::PbrMetallicRoughness& pbr = m.pbrMetallicRoughness;
   Vec3f base{Channel(pbr.baseColorFactor, 0, 1), Channel(pbr.baseColorFactor, 1, 1),
              Channel(pbr.baseColorFactor, 2, 1)};
   float alpha = Channel(pbr.baseColorFactor, 3, 1);
   float smooth = 1 - Unit(pbr.roughnessFactor), metal = Unit(pbr.metallicFactor);
-  Vec3f glossy{0.04f, 0.04f, 0.04f};
+  double ior = number("KHR_materials_ior", "ior", 1.5);
+  if (ior > 0 && ior < 1)
+    container.Fail(fmt::format(
+        "material {} has ior {} (KHR_materials_ior); 0 (infinite) or at least 1 is needed", index, ior));
+  ior = ior == 0 ? kMaxIor : std::min(ior, kMaxIor);
+  const double mirrored = (ior - 1) / (ior + 1);
+  Vec3f glossy = Vec3f{1, 1, 1} * float(mirrored * mirrored);
   if (const tinygltf::Value* old = Find(m.extensions, kSpecularGlossiness)) {
     const tinygltf::Value *diffuse = Find(old, "diffuseFactor"), *specular = Find(old, "specularFactor");
     for (int i = 0; i < 3; ++i) {
@@ -89,56 +117,65 @@ Material GltfMaterial(const tinygltf::Material& m) {
     smooth = Unit(GltfNumber(*old, "glossinessFactor", 1));
     metal = 0;
   }
-  const float mirror = metal * smooth;
   Material out;
   out.name = m.name;
-  out.reflect = base * mirror;
-  out.diffuse = base * (1 - mirror);
-  out.specular = (base * mirror + glossy * (1 - mirror)) * smooth;
-  out.shininess = 1 + 127 * smooth * smooth;
-  for (int i = 0; i < 3; ++i) out.emission[i] = Channel(m.emissiveFactor, size_t(i), 0);
   out.alpha = alpha;
   out.alpha_mode = m.alphaMode == "MASK"    ? AlphaMode::kMask
                    : m.alphaMode == "BLEND" ? AlphaMode::kBlend
                                             : AlphaMode::kOpaque;
   out.alpha_cutoff = float(std::clamp(m.alphaCutoff, 0.0, 2.0));  // above 1 nothing is seen
-  float through = out.alpha_mode == AlphaMode::kBlend ? 1 - alpha : 0.0f;
-  out.ior = 1;  // blending does not bend the ray
-  if (const tinygltf::Value* transmission = Find(m.extensions, "KHR_materials_transmission")) {
-    through = Unit(GltfNumber(*transmission, "transmissionFactor", 0));
-    const tinygltf::Value* ior = Find(m.extensions, "KHR_materials_ior");
-    out.ior = ior != nullptr ? float(std::clamp(GltfNumber(*ior, "ior", 1.5), 1.0, 4.0)) : 1.5f;
+
+  // What passes through the body of a dielectric; else what a blended surface leaves uncovered.
+  const float through = Unit(number("KHR_materials_transmission", "transmissionFactor", 0)) * (1 - metal);
+  const bool blends = through == 0 && out.alpha_mode == AlphaMode::kBlend;
+  const float covered = blends ? alpha : 1;
+  const float mirror = metal * smooth;
+  out.reflect = base * (mirror * covered);
+  out.diffuse = base * (std::max(0.0f, 1 - mirror - through) * covered);
+  out.specular = (base * mirror + glossy * (1 - mirror)) * (smooth * covered);
+  out.shininess = 1 + 127 * smooth * smooth;
+  const double strength = number("KHR_materials_emissive_strength", "emissiveStrength", 1) * covered;
+  for (size_t i = 0; i < 3; ++i)
+    if (i < m.emissiveFactor.size())
+      out.emission[int(i)] = float(std::clamp(m.emissiveFactor[i] * strength, 0.0, 1e30));
+  out.transmit = base * (blends ? 1 - alpha : through);
+  if (blends) {
+    out.ior = 1, out.thin = true;
+    return out;
   }
-  out.transmit = base * through;
-  out.diffuse = out.diffuse * (1 - through);
+  out.ior = float(ior);
+  const double thickness = number("KHR_materials_volume", "thicknessFactor", 0),
+               dispersion = number("KHR_materials_dispersion", "dispersion", 0);
+  if (through > 0) {
+    out.fresnel = true;
+    out.thin = m.doubleSided && thickness == 0;
+    // Abbe's number is V = 20 / dispersion = (n - 1) / (n_F - n_C), with n_F for blue and n_C for red light.
+    const float half = float((ior - 1) * std::min(dispersion / 40, 1.0));
+    if (!out.thin) out.dispersion = {-half, 0, half};
+  }
   return out;
 }
 
-GltfLookup GltfBaseColor(const tinygltf::Material& m) {
-  GltfLookup out;
-  const tinygltf::Value* transform = nullptr;
-  if (const tinygltf::Value* old = Find(Find(m.extensions, kSpecularGlossiness), "diffuseTexture")) {
-    out.texture = GltfIndex(*old, "index", -1);
-    out.set = GltfIndex(*old, "texCoord", 0);
-    transform = Find(Find(old, "extensions"), "KHR_texture_transform");
-  } else {
-    const tinygltf::TextureInfo& info = m.pbrMetallicRoughness.baseColorTexture;
-    out.texture = info.index;
-    out.set = info.texCoord;
-    transform = Find(info.extensions, "KHR_texture_transform");
-  }
-  if (transform == nullptr) return out;
-  // Offset * rotation * scale. The rotation is counter-clockwise in the picture, whose v points down.
-  const tinygltf::Value *offset = Find(transform, "offset"), *scale = Find(transform, "scale");
-  const double u = Element(scale, 0, 1), v = Element(scale, 1, 1);
-  double sine, cosine;
-  Rotation(GltfNumber(*transform, "rotation", 0), sine, cosine);
-  out.set = GltfIndex(*transform, "texCoord", out.set);
-  out.xx = cosine * u, out.xy = sine * v, out.x = Element(offset, 0, 0);
-  out.yx = -sine * u, out.yy = cosine * v, out.y = Element(offset, 1, 0);
-  out.mapped = out.xx != 1 || out.xy != 0 || out.x != 0 || out.yx != 0 || out.yy != 1 || out.y != 0;
-  return out;
+std::string GltfIgnoredExtensions(const std::vector<tinygltf::Material>& materials) {
+  constexpr std::string_view kFollowed[] = {
+      "KHR_materials_transmission", "KHR_materials_ior",    "KHR_materials_emissive_strength",
+      "KHR_materials_dispersion",   "KHR_materials_volume", kSpecularGlossiness};
+  std::set<std::string> names;
+  for (const tinygltf::Material& m : materials)
+    for (const auto& [name, extension] : m.extensions)
+      if (std::find(std::begin(kFollowed), std::end(kFollowed), name) == std::end(kFollowed))
+        names.insert(OneLine(name.substr(0, 80)));
+  return fmt::format("{}", fmt::join(names, ", "));
 }
+
+GltfLookup GltfBaseColor(const tinygltf::Material& m) {
+  if (const tinygltf::Value* old = Find(Find(m.extensions, kSpecularGlossiness), "diffuseTexture"))
+    return Lookup(GltfIndex(*old, "index", -1), GltfIndex(*old, "texCoord", 0),
+                  Find(Find(old, "extensions"), kTransform));
+  return Lookup(m.pbrMetallicRoughness.baseColorTexture);
+}
+
+GltfLookup GltfEmission(const tinygltf::Material& m) { return Lookup(m.emissiveTexture); }
 
 /// The bytes are null where the file is not there.
 const GltfResource& GltfTextures::Image(int64_t index) {
@@ -159,7 +196,7 @@ const GltfResource& GltfTextures::Image(int64_t index) {
     container_.Fail(what + " has neither a URI nor a buffer view");
   }
   if (image.contains("mimeType")) out.mime_type = image["mimeType"].get<std::string>();
-  if (out.bytes != nullptr && out.mime_type.empty()) out.mime_type = SniffedType(*out.bytes);
+  if (out.bytes != nullptr && out.mime_type.empty()) out.mime_type = ImageType(*out.bytes);
   return out;
 }
 

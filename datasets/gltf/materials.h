@@ -7,6 +7,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <vector>
 
 #include "datasets/gltf/accessors.h"
 #include "datasets/gltf/container.h"
@@ -20,17 +21,24 @@ double GltfNumber(const tinygltf::Value& object, const char* key, double fallbac
 /// The same for an index: a number that is none becomes one that nothing has.
 int GltfIndex(const tinygltf::Value& object, const char* key, int fallback);
 
-/// A Whitted material that stands for metallic-roughness (or KHR_materials_pbrSpecularGlossiness): the
-/// smoother a metal, the more it is a mirror. KHR_materials_transmission and _ior are followed. Its texture
-/// is not set.
-Material GltfMaterial(const tinygltf::Material& material);
+/// A Whitted material that stands for material `index` of the file, by the table of MATERIALS.md; without its
+/// textures. Throws InputError where a number of an extension is out of its range.
+Material GltfMaterial(const GltfContainer& container, const tinygltf::Material& material, size_t index);
 
-/// Where a material looks up its base colour: a texture, a set of coordinates, and an affine map of them.
+/// The extensions of materials that GltfMaterial() and GltfBaseColor() do not follow, "A, B"; empty: none.
+std::string GltfIgnoredExtensions(const std::vector<tinygltf::Material>& materials);
+
+/// Where a material looks up a colour: a texture, a set of coordinates, and an affine map of them.
 struct GltfLookup {
   int texture = -1;  ///< -1: none
   int set = 0;       ///< TEXCOORD_0, ...
   bool mapped = false;
   double xx = 1, xy = 0, yx = 0, yy = 1, x = 0, y = 0;
+
+  /// Whether both look at the same coordinates.
+  bool SamePlaces(const GltfLookup& b) const {
+    return set == b.set && xx == b.xx && xy == b.xy && yx == b.yx && yy == b.yy && x == b.x && y == b.y;
+  }
 
   Vec2f operator()(std::array<float, 2> uv) const {
     if (!mapped) return {uv[0], uv[1]};
@@ -39,6 +47,7 @@ struct GltfLookup {
 };
 /// With KHR_texture_transform.
 GltfLookup GltfBaseColor(const tinygltf::Material& material);
+GltfLookup GltfEmission(const tinygltf::Material& material);
 
 /// Puts textures into a scene, each once.
 class GltfTextures {

@@ -124,6 +124,15 @@ constexpr Rule kRules[] = {
     {"materials[].emissiveFactor", Type::kNumbers, false, 3},
     {"materials[].extensions", Type::kObject},
     {"materials[].extensions{}", Type::kObject},
+    {"materials[].extensions.KHR_materials_transmission.transmissionFactor", Type::kNumber},
+    {"materials[].extensions.KHR_materials_ior.ior", Type::kNumber},
+    {"materials[].extensions.KHR_materials_emissive_strength.emissiveStrength", Type::kNumber},
+    {"materials[].extensions.KHR_materials_dispersion.dispersion", Type::kNumber},
+    {"materials[].extensions.KHR_materials_volume.thicknessFactor", Type::kNumber},
+    {"materials[].emissiveTexture", Type::kObject},
+    {"materials[].emissiveTexture.index", Type::kIndex, true},
+    {"materials[].emissiveTexture.texCoord", Type::kIndex},
+    {"materials[].emissiveTexture.extensions", Type::kObject},
     {"materials[].pbrMetallicRoughness", Type::kObject},
     {"materials[].pbrMetallicRoughness.baseColorFactor", Type::kNumbers, false, 4},
     {"materials[].pbrMetallicRoughness.metallicFactor", Type::kNumber},
@@ -141,6 +150,12 @@ constexpr Rule kRules[] = {
     {"extensions.KHR_lights_punctual.lights", Type::kArray, true},
     {"extensions.KHR_lights_punctual.lights[]", Type::kObject},
     {"extensions.KHR_lights_punctual.lights[].type", Type::kString, true},
+    {"extensions.KHR_lights_punctual.lights[].color", Type::kNumbers, false, 3},
+    {"extensions.KHR_lights_punctual.lights[].intensity", Type::kNumber},
+    {"extensions.KHR_lights_punctual.lights[].range", Type::kNumber},
+    {"extensions.KHR_lights_punctual.lights[].spot", Type::kObject},
+    {"extensions.KHR_lights_punctual.lights[].spot.innerConeAngle", Type::kNumber},
+    {"extensions.KHR_lights_punctual.lights[].spot.outerConeAngle", Type::kNumber},
 };
 
 const char* Wanted(Type type) {

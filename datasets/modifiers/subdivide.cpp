@@ -233,7 +233,11 @@ Scene Apply(Scene scene, const void* config, const LoadOptions& options) {
   if (!scene.normals.empty() || !scene.uvs.empty())
     scene.stats.notes.push_back("subdivide leaves out shading normals and textures");
   scene.normals.clear(), scene.uvs.clear(), scene.textures.clear();
-  for (Material& m : scene.materials) m.base_color_texture = -1;
+  for (Material& m : scene.materials) {
+    m.base_color_texture = -1;
+    if (m.emission_texture >= 0) m.emission = {0, 0, 0};  // without its picture all of it would glow
+    m.emission_texture = -1;
+  }
   scene.Finish(options.drop_bad);
   return scene;
 }

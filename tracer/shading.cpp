@@ -1,0 +1,45 @@
+#include "tracer/shading.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace raybench {
+
+Incident LightAt(const Light& light, Vec3d point) {
+  if (light.kind == LightKind::kDirectional) return {-ToDouble(light.direction), 1, 1};
+  const Vec3d to_light = ToDouble(light.position) - point;
+  const double square = Dot(to_light, to_light), distance = std::sqrt(square);
+  double share = light.falloff ? 1 / square : 1;
+  if (light.kind == LightKind::kSpot) {
+    const double cosine = -Dot(to_light, ToDouble(light.direction)) / distance, inner = light.cos_inner,
+                 outer = light.cos_outer;
+    const double ramp = cosine >= inner   ? 1
+                        : cosine <= outer ? 0
+                                          : (cosine - outer) / (inner - outer);  // inner > outer here
+    share *= ramp * ramp;
+  }
+  if (std::isfinite(light.range)) {
+    const double ratio = distance / light.range, fourth = ratio * ratio * ratio * ratio;
+    share *= std::clamp(1 - fourth, 0.0, 1.0);
+  }
+  return {to_light, distance, share};
+}
+
+bool Refract(Vec3d view, Vec3d normal, double eta, Vec3d& refracted) {
+  const double cosine = -Dot(normal, view);
+  const double cos_squared = 1 - eta * eta * (1 - cosine * cosine);
+  if (cos_squared < 0) return false;
+  refracted = Normalize(view * eta + normal * (eta * cosine - std::sqrt(cos_squared)));
+  return true;
+}
+
+double FresnelReflectance(double cosine, double eta) {
+  const double sin_squared = eta * eta * (1 - cosine * cosine);  // on the other side
+  if (sin_squared >= 1) return 1;
+  const double other = std::sqrt(1 - sin_squared);
+  const double across = (eta * cosine - other) / (eta * cosine + other),
+               along = (cosine - eta * other) / (cosine + eta * other);
+  return 0.5 * (across * across + along * along);
+}
+
+}  // namespace raybench
