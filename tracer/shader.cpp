@@ -71,7 +71,7 @@ Shader::Look Shader::LookOf(const Material& material, const rb_hit& hit) const {
 }
 
 bool Shader::IsHole(const rb_hit& hit) const {
-  const Material& material = scene_.materials[scene_.MaterialOf(hit.prim)];
+  const Material& material = MaterialOf(hit);
   if (material.alpha_mode != AlphaMode::kMask) return false;
   float alpha = material.alpha;
   if (needs_.textures && hit.prim < scene_.triangles.size() && material.base_color_texture >= 0)
@@ -81,7 +81,7 @@ bool Shader::IsHole(const rb_hit& hit) const {
 
 Vec3f Shader::Transmittance(const rb_hit& hit) const {
   if (needs_.holes && IsHole(hit)) return {1, 1, 1};
-  const Material& material = scene_.materials[scene_.MaterialOf(hit.prim)];
+  const Material& material = MaterialOf(hit);
   return IsBlack(material.transmit) ? material.transmit : LookOf(material, hit).transmit;
 }
 
@@ -122,7 +122,7 @@ void Shader::AddTo(Batch& batch, const Departure& departure, const rb_ray& ray) 
 
 Vec3f Shader::Shade(const Path& path, uint32_t path_index, const rb_ray& ray, const rb_hit& hit, bool last,
                     ShadeOutput& out) const {
-  const Material& material = scene_.materials[scene_.MaterialOf(hit.prim)];
+  const Material& material = MaterialOf(hit);
   Turn turn{path, path_index, hit.prim, material, SurfaceAt(scene_, ray, hit), {}, 1, {}, {}, {}, {}};
   const Vec3d geometric = turn.surface.normal;
   turn.view = Normalize(ToDouble(LoadVec3(ray.dir)));
@@ -160,7 +160,7 @@ void Shader::SendToLights(const Turn& turn, const Look& look, ShadeOutput& out) 
     Vec3f color = look.diffuse * float(cosine);
     if (!IsBlack(material.specular)) {
       const double phong = Dot(mirrored, to_light) / distance;
-      if (phong > 0) color = color + material.specular * float(std::pow(phong, double(material.shininess)));
+      if (phong > 0) color = color + material.specular * float(Power(phong, double(material.shininess)));
     }
     color = color * light.intensity * float(share);
 

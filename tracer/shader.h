@@ -95,6 +95,10 @@ class Shader {
   };
   struct Turn;
 
+  const Material& MaterialOf(const rb_hit& hit) const {
+    const bool triangle = hit.prim < scene_.triangles.size();  // without a call
+    return scene_.materials[triangle ? scene_.triangle_material[hit.prim] : scene_.MaterialOf(hit.prim)];
+  }
   Look LookOf(const Material& material, const rb_hit& hit) const;
   void SendToLights(const Turn& turn, const Look& look, ShadeOutput& out) const;
   void SendOn(const Turn& turn, const Look& look, ShadeOutput& out) const;

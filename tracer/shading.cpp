@@ -25,6 +25,15 @@ Incident LightAt(const Light& light, Vec3d point) {
   return {to_light, distance, share};
 }
 
+double Power(double base, double exponent) {
+  const auto whole = exponent >= 0 && exponent < 65536 ? uint32_t(exponent) : 0;
+  if (double(whole) != exponent) return std::pow(base, exponent);
+  double result = 1;
+  for (uint32_t bits = whole; bits != 0; bits >>= 1, base *= base)
+    if (bits & 1) result *= base;
+  return result;
+}
+
 bool Refract(Vec3d view, Vec3d normal, double eta, Vec3d& refracted) {
   const double cosine = -Dot(normal, view);
   const double cos_squared = 1 - eta * eta * (1 - cosine * cosine);

@@ -20,6 +20,9 @@ struct Incident {
 };
 Incident LightAt(const Light& light, Vec3d point);
 
+/// base^exponent for base in (0, 1]. Integral exponents, the usual ones, take a few products.
+double Power(double base, double exponent);
+
 /// The direction `view` mirrored at the plane of `normal`.
 inline Vec3d Mirrored(Vec3d view, Vec3d normal) { return view + normal * (2 * -Dot(normal, view)); }
 

@@ -151,8 +151,7 @@ class Walk {
 
 /// A sample of the image plane: cell's slot (TiledCells) and number within it.
 struct SampleId {
-  uint64_t slot;
-  uint32_t index;
+  uint32_t slot, index;
 };
 
 class Wavefront {
@@ -167,6 +166,7 @@ class Wavefront {
         shader_(scene, options),
         max_depth_(options.rules == TraceRules::kSpd ? 4 : options.max_depth),
         workers_(options.threads),
+        band_(std::min(options.band_rays, workers_.threads() * uint32_t{8 * Workers::kChunk})),
         walk_(scene, tree, workers_),
         film_(options.width, options.height, options.sampling) {
     const uint64_t can = tree.structure().capabilities;
@@ -185,7 +185,10 @@ class Wavefront {
     if (sampling_.adaptive_contrast > 0 && per_cell > 1) {
       TraceAdaptively();
     } else {
-      const auto sample = [&](uint64_t i) { return SampleId{i / per_cell, uint32_t(i % per_cell)}; };
+      const auto sample = [&](uint64_t i) {
+        return per_cell == 1 ? SampleId{uint32_t(i), 0}
+                             : SampleId{uint32_t(i / per_cell), uint32_t(i % per_cell)};
+      };
       TracePass(cells_.size() * per_cell, sample, 0, 1, [&](uint64_t begin) { AddToFilm(begin, sample, 1); });
     }
     std::erase_if(result_.ray_sets, [](const RaySet& set) { return set.rays.empty(); });
@@ -209,12 +212,12 @@ class Wavefront {
     TracePass(
         cells_.size(),
         [&](uint64_t i) {
-          return SampleId{i, first};
+          return SampleId{uint32_t(i), first};
         },
         0, 0.5,
         [&](uint64_t begin) {
           for (size_t i = 0; i < samples_.size(); ++i) {
-            const auto [x, y] = cells_.At(begin + i);
+            const auto [x, y] = cells_.At(uint32_t(begin + i));
             at(x, y) = samples_[i];
           }
         });
@@ -231,8 +234,8 @@ class Wavefront {
     };
     // All samples of a pixel weigh as much as the only one of another.
     const float share = 1 / float(per_cell);
-    std::vector<uint64_t> refined;
-    for (uint64_t slot = 0; slot < cells_.size(); ++slot) {
+    std::vector<uint32_t> refined;
+    for (uint32_t slot = 0; slot < cells_.size(); ++slot) {
       const TiledCells::Cell cell = cells_.At(slot);
       const bool refine = differs(cell);
       if (refine) refined.push_back(slot);
@@ -242,7 +245,7 @@ class Wavefront {
       const auto index = uint32_t(i % (per_cell - 1));
       return SampleId{refined[i / (per_cell - 1)], index + (index >= first)};
     };
-    TracePass(refined.size() * (per_cell - 1), sample, 0.5, 1,
+    TracePass(uint64_t{refined.size()} * (per_cell - 1), sample, 0.5, 1,
               [&](uint64_t begin) { AddToFilm(begin, sample, share); });
   }
   static Vec3f Shown(Vec3f color) { return Max(Min(color, Vec3f{1, 1, 1}), Vec3f{0, 0, 0}); }
@@ -251,14 +254,14 @@ class Wavefront {
   template <class SampleOf, class Done>
   void TracePass(uint64_t count, const SampleOf& sample_of, double progress_from, double progress_to,
                  const Done& done) {
-    const uint64_t bands = (count + options_.band_rays - 1) / options_.band_rays;
+    const uint64_t bands = (count + band_ - 1) / band_;
     const auto report = [&](double finished) {
       if (options_.progress)
         options_.progress(progress_from + (progress_to - progress_from) * (finished / double(bands)));
     };
     for (uint64_t band = 0; band < bands; ++band) {
-      const uint64_t begin = band * options_.band_rays;
-      StartBand(begin, std::min<uint64_t>(count, begin + options_.band_rays), sample_of);
+      const uint64_t begin = band * band_;
+      StartBand(begin, std::min<uint64_t>(count, begin + band_), sample_of);
       for (uint32_t depth = 0; !level_.paths.empty(); ++depth) {
         TraceLevel(depth);
         if (depth < max_depth_) report(double(band) + (depth + 1.0) / (max_depth_ + 1.0));
@@ -458,6 +461,7 @@ class Wavefront {
   const Shader shader_;
   const uint32_t max_depth_;
   Workers workers_;
+  const uint32_t band_;  // so many samples that all threads have work, and so few that caches hold it
   Walk walk_;
   Film film_;
   TraceResult result_;
@@ -475,7 +479,7 @@ class Wavefront {
 };
 
 void CheckPictureSize(uint64_t width, uint64_t height) {
-  constexpr uint64_t kMost = 0xFFFFFFFEu;  // corners are one more
+  constexpr uint64_t kMost = 0xFFFFFFFFu;
   if (width == 0 || height == 0 || width > kMost || height > kMost / width)
     throw InputError("picture of " + std::to_string(width) + " x " + std::to_string(height) +
                      " pixels: width and height must be at least 1, their product below 2^32");
@@ -488,6 +492,8 @@ TraceResult Trace(const Scene& scene, const Tree& tree, const TraceOptions& opti
   if (options.band_rays == 0 || options.band_rays > 0x7FFFFFFFu)
     throw InputError("band_rays = " + std::to_string(options.band_rays) + ": must lie in [1, 2^31)");
   CheckSampling(options.sampling);
+  if (options.sampling.pattern == SamplePattern::kCorners)
+    CheckPictureSize(uint64_t{options.width} + 1, uint64_t{options.height} + 1);
   const auto check = [](const char* name, float value) {
     if (!(value >= 0) || !std::isfinite(value))
       throw InputError(std::string(name) + " = " + std::to_string(value) + ": must be finite and at least 0");
