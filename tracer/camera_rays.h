@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <limits>
 
@@ -12,8 +13,11 @@ namespace raybench {
 
 /// Invalid rays (overflow, a light at the hit point) become the stand-in that Freeze() counts.
 inline rb_ray MakeRay(Vec3f org, float tnear, Vec3f dir, float tfar) {
-  const rb_ray ray{{org.x, org.y, org.z}, tnear, {dir.x, dir.y, dir.z}, tfar};
-  return IsValidRay(ray) ? ray : InvalidRayStandIn();
+  // IsValidRay(), while the numbers are in registers still. 0 times what is not finite is NaN.
+  const float zero =
+      ((org.x * 0 + org.y * 0) + (org.z * 0 + tnear * 0)) + ((dir.x * 0 + dir.y * 0) + dir.z * 0);
+  const bool valid = zero == 0 && (dir.x != 0 || dir.y != 0 || dir.z != 0) && tnear >= 0 && !std::isnan(tfar);
+  return valid ? rb_ray{{org.x, org.y, org.z}, tnear, {dir.x, dir.y, dir.z}, tfar} : InvalidRayStandIn();
 }
 
 /// The cells of a picture (pixels, or corners of pixels) in the order of tiles of 8 x 8: a cell's place in

@@ -99,8 +99,9 @@ struct Shader::Turn {
   Departure front;   ///< of rays on the eye's side
 };
 
-Departure Shader::Leave(const Turn& turn, double side) const {
+inline Departure Shader::Leave(const Turn& turn, double side) const {
   const SelfIntersection cure = options_.self_intersection;
+  if (cure == SelfIntersection::kErrorBound) return {turn.surface.Origin(side)};
   bool flat = false;
   if (cure == SelfIntersection::kSkip) {
     const PrimKind kind = scene_.Locate(turn.prim).kind;
@@ -109,15 +110,10 @@ Departure Shader::Leave(const Turn& turn, double side) const {
   return Depart(turn.surface, side, cure, cure_size_, turn.prim, flat);
 }
 
-rb_ray Shader::RayFrom(const Departure& departure, Vec3f dir, float tfar) const {
+inline rb_ray Shader::RayFrom(const Departure& departure, Vec3f dir, float tfar) const {
   float tnear = tnear_;
   if (departure.distance > 0) tnear = std::max(tnear, float(departure.distance / Length(ToDouble(dir))));
   return MakeRay(departure.org, tnear, dir, tfar);
-}
-
-void Shader::AddTo(Batch& batch, const Departure& departure, const rb_ray& ray) const {
-  batch.rays.push_back(ray);
-  if (options_.self_intersection == SelfIntersection::kSkip) batch.skip.push_back(departure.skip);
 }
 
 Vec3f Shader::Shade(const Path& path, uint32_t path_index, const rb_ray& ray, const rb_hit& hit, bool last,
@@ -144,7 +140,7 @@ Vec3f Shader::Shade(const Path& path, uint32_t path_index, const rb_ray& ray, co
 
   const Look look = LookOf(material, hit);
   SendToLights(turn, look, out);
-  if (!last) SendOn(turn, look, out);
+  if (!last && !(IsBlack(look.reflect) && IsBlack(look.transmit))) SendOn(turn, look, out);
   return path.weight * (look.emission + scene_.ambient * look.diffuse);
 }
 

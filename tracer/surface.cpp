@@ -116,11 +116,11 @@ SurfacePoint OnPolygon(const PolygonPlane& plane, const rb_ray& ray, const rb_hi
 }  // namespace
 
 SurfacePoint SurfaceAt(const Scene& scene, const rb_ray& ray, const rb_hit& hit) {
-  if (hit.prim < scene.triangles.size()) return OnTriangle(scene, hit);
-  const auto [kind, i] = scene.Locate(hit.prim);
+  const auto [kind, i] = hit.prim < scene.triangles.size() ? Scene::Place{PrimKind::kTriangle, hit.prim}
+                                                           : scene.Locate(hit.prim);
   switch (kind) {
     case PrimKind::kTriangle:
-      break;  // above
+      break;
     case PrimKind::kSphere:
       return OnSphere(scene.spheres[i], ray, hit);
     case PrimKind::kCone:
