@@ -46,7 +46,7 @@ struct GridOptions {
   uint32_t resolution[3] = {0, 0, 0};  ///< of the outermost grid; 0: by the rule
   bool exact = false;                  ///< insertion by overlap, else by bounds
   bool padded = true;                  ///< conservative insertion
-  double references = 16;               ///< most references per primitive, where resolutions are by the rule
+  double references = 16;              ///< most references per primitive, where resolutions are by the rule
   uint32_t levels = 1;                 ///< of grids inside each other, >= 1
   uint32_t leaf_size = 8;              ///< cells with more primitives get a grid, as long as there are levels
 };

@@ -136,6 +136,15 @@ TEST(TracerModel, DispersionRefractsChannelsApart) {
   EXPECT_EQ(deep.refraction_rays, 4u) << "one path each";
 }
 
+TEST(TracerModel, PowersOfIntegralExponentsAreThoseOfPow) {
+  for (double base : {1.0, 0.999, 0.5, 1e-3})
+    for (double exponent : {0.0, 1.0, 7.0, 32.0, 1000.0, 65535.0, 1e6, 2.5, 0.25}) {
+      // Of n products the relative error is at most n units of 2^-53, squarings included.
+      const double expected = std::pow(base, exponent);
+      EXPECT_NEAR(Power(base, exponent), expected, expected * std::max(exponent, 1.0) * 0x1p-52);
+    }
+}
+
 TEST(TracerModel, FresnelsEquationsAtKnownAngles) {
   for (double n : {1.1, 1.5, 2.4}) {
     const double normal = (n - 1) / (n + 1);

@@ -52,6 +52,7 @@ uint64_t SampleCount(const Sampling& sampling, uint32_t width, uint32_t height) 
 }
 
 Vec2f SampleOffset(const Sampling& sampling, uint32_t x, uint32_t y, uint32_t index) {
+  if (sampling.pattern == SamplePattern::kCenter) return {0.5f, 0.5f};
   const uint32_t n = sampling.grid, column = index % n, row = index / n;
   Random pixel(sampling.seed, uint64_t{y} << 32 | x);
   switch (sampling.pattern) {

@@ -71,7 +71,7 @@ Shader::Look Shader::LookOf(const Material& material, const rb_hit& hit) const {
 }
 
 bool Shader::IsHole(const rb_hit& hit) const {
-  const Material& material = scene_.materials[scene_.MaterialOf(hit.prim)];
+  const Material& material = MaterialOf(hit);
   if (material.alpha_mode != AlphaMode::kMask) return false;
   float alpha = material.alpha;
   if (needs_.textures && hit.prim < scene_.triangles.size() && material.base_color_texture >= 0)
@@ -81,7 +81,7 @@ bool Shader::IsHole(const rb_hit& hit) const {
 
 Vec3f Shader::Transmittance(const rb_hit& hit) const {
   if (needs_.holes && IsHole(hit)) return {1, 1, 1};
-  const Material& material = scene_.materials[scene_.MaterialOf(hit.prim)];
+  const Material& material = MaterialOf(hit);
   return IsBlack(material.transmit) ? material.transmit : LookOf(material, hit).transmit;
 }
 
@@ -99,8 +99,9 @@ struct Shader::Turn {
   Departure front;   ///< of rays on the eye's side
 };
 
-Departure Shader::Leave(const Turn& turn, double side) const {
+inline Departure Shader::Leave(const Turn& turn, double side) const {
   const SelfIntersection cure = options_.self_intersection;
+  if (cure == SelfIntersection::kErrorBound) return {turn.surface.Origin(side)};
   bool flat = false;
   if (cure == SelfIntersection::kSkip) {
     const PrimKind kind = scene_.Locate(turn.prim).kind;
@@ -109,20 +110,15 @@ Departure Shader::Leave(const Turn& turn, double side) const {
   return Depart(turn.surface, side, cure, cure_size_, turn.prim, flat);
 }
 
-rb_ray Shader::RayFrom(const Departure& departure, Vec3f dir, float tfar) const {
+inline rb_ray Shader::RayFrom(const Departure& departure, Vec3f dir, float tfar) const {
   float tnear = tnear_;
   if (departure.distance > 0) tnear = std::max(tnear, float(departure.distance / Length(ToDouble(dir))));
   return MakeRay(departure.org, tnear, dir, tfar);
 }
 
-void Shader::AddTo(Batch& batch, const Departure& departure, const rb_ray& ray) const {
-  batch.rays.push_back(ray);
-  if (options_.self_intersection == SelfIntersection::kSkip) batch.skip.push_back(departure.skip);
-}
-
 Vec3f Shader::Shade(const Path& path, uint32_t path_index, const rb_ray& ray, const rb_hit& hit, bool last,
                     ShadeOutput& out) const {
-  const Material& material = scene_.materials[scene_.MaterialOf(hit.prim)];
+  const Material& material = MaterialOf(hit);
   Turn turn{path, path_index, hit.prim, material, SurfaceAt(scene_, ray, hit), {}, 1, {}, {}, {}, {}};
   const Vec3d geometric = turn.surface.normal;
   turn.view = Normalize(ToDouble(LoadVec3(ray.dir)));
@@ -144,7 +140,7 @@ Vec3f Shader::Shade(const Path& path, uint32_t path_index, const rb_ray& ray, co
 
   const Look look = LookOf(material, hit);
   SendToLights(turn, look, out);
-  if (!last) SendOn(turn, look, out);
+  if (!last && !(IsBlack(look.reflect) && IsBlack(look.transmit))) SendOn(turn, look, out);
   return path.weight * (look.emission + scene_.ambient * look.diffuse);
 }
 
@@ -160,7 +156,7 @@ void Shader::SendToLights(const Turn& turn, const Look& look, ShadeOutput& out) 
     Vec3f color = look.diffuse * float(cosine);
     if (!IsBlack(material.specular)) {
       const double phong = Dot(mirrored, to_light) / distance;
-      if (phong > 0) color = color + material.specular * float(std::pow(phong, double(material.shininess)));
+      if (phong > 0) color = color + material.specular * float(Power(phong, double(material.shininess)));
     }
     color = color * light.intensity * float(share);
 

@@ -63,9 +63,11 @@ struct ShadeOutput {
   Level next;
   Batch shadow;
   std::vector<Lit> lit;  ///< one per shadow ray
+  std::vector<uint8_t> occluded;
+  uint64_t blocked;
   std::array<uint64_t, kRayKinds> hits;
 
-  void Clear() { next.Clear(), shadow.Clear(), lit.clear(), hits = {}; }
+  void Clear() { next.Clear(), shadow.Clear(), lit.clear(), blocked = 0, hits = {}; }
 };
 
 class Shader {
@@ -95,6 +97,10 @@ class Shader {
   };
   struct Turn;
 
+  const Material& MaterialOf(const rb_hit& hit) const {
+    const bool triangle = hit.prim < scene_.triangles.size();  // without a call
+    return scene_.materials[triangle ? scene_.triangle_material[hit.prim] : scene_.MaterialOf(hit.prim)];
+  }
   Look LookOf(const Material& material, const rb_hit& hit) const;
   void SendToLights(const Turn& turn, const Look& look, ShadeOutput& out) const;
   void SendOn(const Turn& turn, const Look& look, ShadeOutput& out) const;
@@ -103,7 +109,10 @@ class Shader {
                 ShadeOutput& out) const;
   Departure Leave(const Turn& turn, double side) const;
   rb_ray RayFrom(const Departure& departure, Vec3f dir, float tfar) const;
-  void AddTo(Batch& batch, const Departure& departure, const rb_ray& ray) const;
+  void AddTo(Batch& batch, const Departure& departure, const rb_ray& ray) const {
+    batch.rays.push_back(ray);
+    if (options_.self_intersection == SelfIntersection::kSkip) batch.skip.push_back(departure.skip);
+  }
 
   const Scene& scene_;
   const TraceOptions& options_;

@@ -5,24 +5,13 @@
 
 namespace raybench {
 
-Incident LightAt(const Light& light, Vec3d point) {
-  if (light.kind == LightKind::kDirectional) return {-ToDouble(light.direction), 1, 1};
-  const Vec3d to_light = ToDouble(light.position) - point;
-  const double square = Dot(to_light, to_light), distance = std::sqrt(square);
-  double share = light.falloff ? 1 / square : 1;
-  if (light.kind == LightKind::kSpot) {
-    const double cosine = -Dot(to_light, ToDouble(light.direction)) / distance, inner = light.cos_inner,
-                 outer = light.cos_outer;
-    const double ramp = cosine >= inner   ? 1
-                        : cosine <= outer ? 0
-                                          : (cosine - outer) / (inner - outer);  // inner > outer here
-    share *= ramp * ramp;
-  }
-  if (std::isfinite(light.range)) {
-    const double ratio = distance / light.range, fourth = ratio * ratio * ratio * ratio;
-    share *= std::clamp(1 - fourth, 0.0, 1.0);
-  }
-  return {to_light, distance, share};
+double Power(double base, double exponent) {
+  const auto whole = exponent >= 0 && exponent < 65536 ? uint32_t(exponent) : 0;
+  if (double(whole) != exponent) return std::pow(base, exponent);
+  double result = 1;
+  for (uint32_t bits = whole; bits != 0; bits >>= 1, base *= base)
+    if (bits & 1) result *= base;
+  return result;
 }
 
 bool Refract(Vec3d view, Vec3d normal, double eta, Vec3d& refracted) {

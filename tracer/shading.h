@@ -8,6 +8,9 @@
 // sides of a surface alike, and visibility v in [0, 1].
 #pragma once
 
+#include <algorithm>
+#include <cmath>
+
 #include "datasets/scene.h"
 
 namespace raybench {
@@ -18,7 +21,28 @@ struct Incident {
   double distance;  ///< length of to_light; 1 for a directional light
   double share;     ///< what falloff, cone and range leave of its intensity; 0: none
 };
-Incident LightAt(const Light& light, Vec3d point);
+inline Incident LightAt(const Light& light, Vec3d point) {
+  if (light.kind == LightKind::kDirectional) return {-ToDouble(light.direction), 1, 1};
+  const Vec3d to_light = ToDouble(light.position) - point;
+  const double square = Dot(to_light, to_light), distance = std::sqrt(square);
+  double share = light.falloff ? 1 / square : 1;
+  if (light.kind == LightKind::kSpot) {
+    const double cosine = -Dot(to_light, ToDouble(light.direction)) / distance, inner = light.cos_inner,
+                 outer = light.cos_outer;
+    const double ramp = cosine >= inner   ? 1
+                        : cosine <= outer ? 0
+                                          : (cosine - outer) / (inner - outer);  // inner > outer here
+    share *= ramp * ramp;
+  }
+  if (std::isfinite(light.range)) {
+    const double ratio = distance / light.range, fourth = ratio * ratio * ratio * ratio;
+    share *= std::clamp(1 - fourth, 0.0, 1.0);
+  }
+  return {to_light, distance, share};
+}
+
+/// base^exponent for base in (0, 1]. Integral exponents, the usual ones, take a few products.
+double Power(double base, double exponent);
 
 /// The direction `view` mirrored at the plane of `normal`.
 inline Vec3d Mirrored(Vec3d view, Vec3d normal) { return view + normal * (2 * -Dot(normal, view)); }

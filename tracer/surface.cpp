@@ -116,18 +116,19 @@ SurfacePoint OnPolygon(const PolygonPlane& plane, const rb_ray& ray, const rb_hi
 }  // namespace
 
 SurfacePoint SurfaceAt(const Scene& scene, const rb_ray& ray, const rb_hit& hit) {
-  const auto [kind, i] = scene.Locate(hit.prim);
+  const auto [kind, i] = hit.prim < scene.triangles.size() ? Scene::Place{PrimKind::kTriangle, hit.prim}
+                                                           : scene.Locate(hit.prim);
   switch (kind) {
     case PrimKind::kTriangle:
-      return OnTriangle(scene, hit);
+      break;
     case PrimKind::kSphere:
       return OnSphere(scene.spheres[i], ray, hit);
     case PrimKind::kCone:
       return OnCone(scene.cones[i], ray, hit);
     case PrimKind::kPolygon:
-      break;
+      return OnPolygon(scene.PlaneOfPolygon(i), ray, hit);
   }
-  return OnPolygon(scene.PlaneOfPolygon(i), ray, hit);
+  return OnTriangle(scene, hit);
 }
 
 Vec3d ShadingNormal(const Scene& scene, const rb_hit& hit, Vec3d geometric) {

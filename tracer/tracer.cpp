@@ -58,12 +58,16 @@ void FindHits(Workers& workers, const Tree& tree, const Batch& batch, std::vecto
   QueryChunks(workers, tree, query);
 }
 
+[[noreturn]] void ThrowInvented(const Scene& scene, const Tree& tree, const rb_hit& hit) {
+  throw std::runtime_error(std::string("structure ") + tree.structure().name + " answered with primitive " +
+                           std::to_string(hit.prim) + " of " + std::to_string(scene.primitive_count()));
+}
+
 /// False on a miss. Throws if the structure names a primitive that does not exist.
-bool IsHit(const Scene& scene, const Tree& tree, const rb_hit& hit) {
+inline bool IsHit(const Scene& scene, const Tree& tree, const rb_hit& hit) {
   if (hit.prim == RAYBENCH_NONE) return false;
-  if (hit.prim >= scene.primitive_count())
-    throw std::runtime_error(std::string("structure ") + tree.structure().name + " answered with primitive " +
-                             std::to_string(hit.prim) + " of " + std::to_string(scene.primitive_count()));
+  if (hit.prim >= scene.primitive_count()) [[unlikely]]
+    ThrowInvented(scene, tree, hit);
   return true;
 }
 
@@ -151,8 +155,7 @@ class Walk {
 
 /// A sample of the image plane: cell's slot (TiledCells) and number within it.
 struct SampleId {
-  uint64_t slot;
-  uint32_t index;
+  uint32_t slot, index;
 };
 
 class Wavefront {
@@ -165,8 +168,10 @@ class Wavefront {
         cells_(CellsOf(options)),
         camera_(scene, options.width, options.height),
         shader_(scene, options),
+        gathers_(shader_.needs().transmittance || shader_.needs().holes),
         max_depth_(options.rules == TraceRules::kSpd ? 4 : options.max_depth),
         workers_(options.threads),
+        band_(std::min(options.band_rays, workers_.threads() * uint32_t{8 * Workers::kChunk})),
         walk_(scene, tree, workers_),
         film_(options.width, options.height, options.sampling) {
     const uint64_t can = tree.structure().capabilities;
@@ -174,7 +179,7 @@ class Wavefront {
       if (needed && (can & capability) == 0)
         throw InputError(std::string("structure ") + tree.structure().name + " cannot " + what);
     };
-    require(shader_.needs().transmittance || shader_.needs().holes, RB_CAN_AFTER,
+    require(gathers_, RB_CAN_AFTER,
             "go on behind a hit, which scenes with transmitting or cut-out surfaces need");
     require(options.self_intersection == SelfIntersection::kSkip, RB_CAN_SKIP,
             "skip a primitive, which this cure against self-intersection needs");
@@ -185,7 +190,10 @@ class Wavefront {
     if (sampling_.adaptive_contrast > 0 && per_cell > 1) {
       TraceAdaptively();
     } else {
-      const auto sample = [&](uint64_t i) { return SampleId{i / per_cell, uint32_t(i % per_cell)}; };
+      const auto sample = [&](uint64_t i) {
+        return per_cell == 1 ? SampleId{uint32_t(i), 0}
+                             : SampleId{uint32_t(i / per_cell), uint32_t(i % per_cell)};
+      };
       TracePass(cells_.size() * per_cell, sample, 0, 1, [&](uint64_t begin) { AddToFilm(begin, sample, 1); });
     }
     std::erase_if(result_.ray_sets, [](const RaySet& set) { return set.rays.empty(); });
@@ -209,12 +217,12 @@ class Wavefront {
     TracePass(
         cells_.size(),
         [&](uint64_t i) {
-          return SampleId{i, first};
+          return SampleId{uint32_t(i), first};
         },
         0, 0.5,
         [&](uint64_t begin) {
           for (size_t i = 0; i < samples_.size(); ++i) {
-            const auto [x, y] = cells_.At(begin + i);
+            const auto [x, y] = cells_.At(uint32_t(begin + i));
             at(x, y) = samples_[i];
           }
         });
@@ -231,8 +239,8 @@ class Wavefront {
     };
     // All samples of a pixel weigh as much as the only one of another.
     const float share = 1 / float(per_cell);
-    std::vector<uint64_t> refined;
-    for (uint64_t slot = 0; slot < cells_.size(); ++slot) {
+    std::vector<uint32_t> refined;
+    for (uint32_t slot = 0; slot < cells_.size(); ++slot) {
       const TiledCells::Cell cell = cells_.At(slot);
       const bool refine = differs(cell);
       if (refine) refined.push_back(slot);
@@ -242,7 +250,7 @@ class Wavefront {
       const auto index = uint32_t(i % (per_cell - 1));
       return SampleId{refined[i / (per_cell - 1)], index + (index >= first)};
     };
-    TracePass(refined.size() * (per_cell - 1), sample, 0.5, 1,
+    TracePass(uint64_t{refined.size()} * (per_cell - 1), sample, 0.5, 1,
               [&](uint64_t begin) { AddToFilm(begin, sample, share); });
   }
   static Vec3f Shown(Vec3f color) { return Max(Min(color, Vec3f{1, 1, 1}), Vec3f{0, 0, 0}); }
@@ -251,14 +259,14 @@ class Wavefront {
   template <class SampleOf, class Done>
   void TracePass(uint64_t count, const SampleOf& sample_of, double progress_from, double progress_to,
                  const Done& done) {
-    const uint64_t bands = (count + options_.band_rays - 1) / options_.band_rays;
+    const uint64_t bands = (count + band_ - 1) / band_;
     const auto report = [&](double finished) {
       if (options_.progress)
         options_.progress(progress_from + (progress_to - progress_from) * (finished / double(bands)));
     };
     for (uint64_t band = 0; band < bands; ++band) {
-      const uint64_t begin = band * options_.band_rays;
-      StartBand(begin, std::min<uint64_t>(count, begin + options_.band_rays), sample_of);
+      const uint64_t begin = band * band_;
+      StartBand(begin, std::min<uint64_t>(count, begin + band_), sample_of);
       for (uint32_t depth = 0; !level_.paths.empty(); ++depth) {
         TraceLevel(depth);
         if (depth < max_depth_) report(double(band) + (depth + 1.0) / (max_depth_ + 1.0));
@@ -348,10 +356,15 @@ class Wavefront {
     for (size_t chunk = 0; chunk < chunks; ++chunk) {
       (depth == 0 ? result_.camera_hits : result_.reflection_hits) += outputs_[chunk].hits[kReflection];
       result_.refraction_hits += outputs_[chunk].hits[kRefraction];
+      result_.shadow_rays += outputs_[chunk].shadow.rays.size();
+      result_.shadow_blocked += outputs_[chunk].blocked;
     }
     for (uint32_t kind = 0; kind < kRayKinds; ++kind)
       Capture(SetIndex(depth, RayKind(kind)), level_.batches[kind].rays);
-    TraceShadows(chunks);
+    if (gathers_ || options_.capture)
+      ConcatenateBatches(
+          workers_, chunks, shadow_, [&](size_t i) -> auto& { return outputs_[i].shadow; });
+    if (gathers_) GatherLight(chunks);
     Capture(ShadowSetIndex(depth), shadow_.rays);
     AddToSamples();
     NextLevel(chunks);
@@ -371,47 +384,44 @@ class Wavefront {
         colors_[i] = is_hit ? shader_.Shade(path, uint32_t(i), ray, hit, last, out)
                             : path.weight * shader_.Background(ray);
       }
+      if (!gathers_) AddUnblocked(out);
     });
   }
 
-  void TraceShadows(size_t chunks) {
-    ConcatenateBatches(
-        workers_, chunks, shadow_, [&](size_t i) -> auto& { return outputs_[i].shadow; });
-    result_.shadow_rays += shadow_.rays.size();
-    const bool gathers = shader_.needs().transmittance || shader_.needs().holes;
-    gathers ? GatherVisibility() : FindBlocked();
-
-    std::vector<size_t> begin(chunks + 1, 0);
-    for (size_t i = 0; i < chunks; ++i) begin[i + 1] = begin[i] + outputs_[i].lit.size();
-    std::vector<uint64_t> blocked(chunks);
-    workers_.ForEach(chunks, [&](size_t chunk) {
-      size_t ray = begin[chunk];
-      uint64_t count = 0;
-      for (const auto& [color, path] : outputs_[chunk].lit) {
-        const bool dark = gathers ? IsBlack(visible_[ray]) : occluded_[ray] != 0;
-        if (!dark) colors_[path] = colors_[path] + (gathers ? color * visible_[ray] : color);
-        count += dark, ++ray;
+  /// Asks for the first blockers of a chunk's shadow rays, while caches hold them, and adds what is lit.
+  void AddUnblocked(ShadeOutput& out) {
+    out.occluded.resize(out.shadow.rays.size());
+    rb_query query = MakeQuery(RB_ANY, out.shadow);
+    query.occluded = out.occluded.data();
+    tree_.Query(query);
+    for (size_t i = 0; i < out.lit.size(); ++i) {
+      const auto& [color, path] = out.lit[i];
+      if (out.occluded[i]) {
+        ++out.blocked;
+      } else {
+        colors_[path] = colors_[path] + color;
       }
-      blocked[chunk] = count;
-    });
-    for (uint64_t count : blocked) result_.shadow_blocked += count;
+    }
   }
 
-  void FindBlocked() {
-    occluded_.resize(shadow_.rays.size());
-    rb_query query = MakeQuery(RB_ANY, shadow_);
-    query.occluded = occluded_.data();
-    QueryChunks(workers_, tree_, query);
-  }
-
-  /// What of its light each shadow ray lets through.
-  void GatherVisibility() {
+  /// Finds what each shadow ray lets through of its light, and adds that.
+  void GatherLight(size_t chunks) {
     FindHits(workers_, tree_, shadow_, shadow_hits_);
     visible_.assign(shadow_.rays.size(), Vec3f{1, 1, 1});
     result_.shadow_resumed += walk_.Run(shadow_, shadow_hits_, [&](size_t i, const rb_hit& hit) {
       visible_[i] = visible_[i] * shader_.Transmittance(hit);
       return !IsBlack(visible_[i]);
     });
+    size_t ray = 0;
+    for (size_t chunk = 0; chunk < chunks; ++chunk)
+      for (const auto& [color, path] : outputs_[chunk].lit) {
+        const Vec3f visible = visible_[ray++];
+        if (IsBlack(visible)) {
+          ++result_.shadow_blocked;
+        } else {
+          colors_[path] = colors_[path] + color * visible;
+        }
+      }
   }
 
   /// A sample belongs to the chunk in which its first path stands.
@@ -456,8 +466,10 @@ class Wavefront {
   const TiledCells cells_;
   const CameraRays camera_;
   const Shader shader_;
+  const bool gathers_;  // shadow rays gather what they pass
   const uint32_t max_depth_;
   Workers workers_;
+  const uint32_t band_;  // so many samples that all threads have work, and so few that caches hold it
   Walk walk_;
   Film film_;
   TraceResult result_;
@@ -469,13 +481,12 @@ class Wavefront {
   std::vector<Vec3f> colors_;   // per path
   std::vector<Vec3f> samples_;  // per sample of the band
   Batch shadow_;
-  std::vector<uint8_t> occluded_;    // per shadow ray, either
-  std::vector<rb_hit> shadow_hits_;  // or these
+  std::vector<rb_hit> shadow_hits_;
   std::vector<Vec3f> visible_;
 };
 
 void CheckPictureSize(uint64_t width, uint64_t height) {
-  constexpr uint64_t kMost = 0xFFFFFFFEu;  // corners are one more
+  constexpr uint64_t kMost = 0xFFFFFFFFu;
   if (width == 0 || height == 0 || width > kMost || height > kMost / width)
     throw InputError("picture of " + std::to_string(width) + " x " + std::to_string(height) +
                      " pixels: width and height must be at least 1, their product below 2^32");
@@ -488,6 +499,8 @@ TraceResult Trace(const Scene& scene, const Tree& tree, const TraceOptions& opti
   if (options.band_rays == 0 || options.band_rays > 0x7FFFFFFFu)
     throw InputError("band_rays = " + std::to_string(options.band_rays) + ": must lie in [1, 2^31)");
   CheckSampling(options.sampling);
+  if (options.sampling.pattern == SamplePattern::kCorners)
+    CheckPictureSize(uint64_t{options.width} + 1, uint64_t{options.height} + 1);
   const auto check = [](const char* name, float value) {
     if (!(value >= 0) || !std::isfinite(value))
       throw InputError(std::string(name) + " = " + std::to_string(value) + ": must be finite and at least 0");

@@ -19,8 +19,10 @@ class Workers {
   explicit Workers(uint32_t threads) {
     // Asking for more than oneTBB may start would only make it complain.
     const size_t most = tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism);
-    arena_.initialize(int(threads == 0 ? most : std::min<size_t>(threads, most)));
+    threads_ = uint32_t(threads == 0 ? most : std::min<size_t>(threads, most));
+    arena_.initialize(int(threads_));
   }
+  uint32_t threads() const { return threads_; }
 
   /// Calls work(chunk, begin, end) for every chunk of [0, n), in parallel.
   template <class Work>
@@ -38,6 +40,7 @@ class Workers {
   static size_t ChunkCount(size_t n) { return (n + kChunk - 1) / kChunk; }
 
  private:
+  uint32_t threads_;
   tbb::task_arena arena_;
 };
 

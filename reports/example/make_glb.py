@@ -12,7 +12,8 @@ import numpy as np
 
 
 def read_off(path):
-    words = open(path).read().split()
+    with open(path) as file:
+        words = file.read().split()
     assert words[0] == "OFF", path
     vertices, faces = int(words[1]), int(words[2])
     positions = np.array(words[4 : 4 + 3 * vertices], dtype=np.float32).reshape(-1, 3)
