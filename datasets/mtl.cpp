@@ -30,7 +30,7 @@ MtlMaterial ToModel(const Statements& s) {
   // The refracting models weigh what passes by Tf; the others dissolve, without colour and without bending
   // it.
   const Vec3f through = refracts && s.tf ? *s.tf : kWhite * (1 - s.opacity);
-  const bool transmits = !(through == Vec3f{0, 0, 0});
+  const bool transmits = !IsBlack(through);
 
   MtlMaterial out{{}, s.map_kd, s.map_ke};
   Material& m = out.material;

@@ -19,6 +19,9 @@
 
 namespace raybench {
 
+/// Whether no channel has anything of it: no light, no weight.
+inline bool IsBlack(Vec3f color) { return color == Vec3f{0, 0, 0}; }
+
 /// How `Material::alpha` acts (glTF 2.0, 3.9.4): not at all; as a hole below `alpha_cutoff`; as a blend.
 enum class AlphaMode : uint8_t { kOpaque, kMask, kBlend };
 

@@ -11,8 +11,6 @@
 namespace raybench {
 namespace {
 
-bool IsBlack(Vec3f color) { return color == Vec3f{0, 0, 0}; }
-
 /// Shading normals that lie this close to the geometric one (the sine of the angle between them) are taken
 /// for it: six digits, as text files have them, cannot tell them apart.
 constexpr double kSameNormal = 0x1p-20;
@@ -60,10 +58,15 @@ class UsedMaterials {
   }
 
   template <class Is>
+  std::vector<uint32_t> Those(const Is& is) const {
+    std::vector<uint32_t> those;
+    for (uint32_t i = 0; i < used_.size(); ++i)
+      if (used_[i] != 0 && is(scene_.materials[i], i)) those.push_back(i);
+    return those;
+  }
+  template <class Is>
   size_t Count(const Is& is) const {
-    size_t count = 0;
-    for (size_t i = 0; i < used_.size(); ++i) count += used_[i] != 0 && is(scene_.materials[i], i);
-    return count;
+    return Those(is).size();
   }
   size_t Count() const { return size_t(std::count(used_.begin(), used_.end(), 1)); }
 
@@ -96,18 +99,20 @@ SceneNeeds NeedsOf(const Scene& scene) {
     return !IsBlack(m.reflect) || Bends(m) || (Transmits(m) && m.fresnel);
   });
   const size_t transmitting = materials.Count([](const Material& m, size_t) { return Transmits(m); });
-  const size_t textured = materials.Count(
+  SceneNeeds needs;
+  needs.textured = materials.Those(
       [&](const Material& m, size_t i) { return ReadsTexture(m) && materials.HasCoordinates(i); });
+  const size_t textured = needs.textured.size();
   const size_t cut_out = materials.Count([&](const Material& m, size_t i) {
     return m.alpha_mode == AlphaMode::kMask &&
-           (m.alpha < m.alpha_cutoff || (m.base_color_texture >= 0 && materials.HasCoordinates(i)));
+           (m.alpha < m.alpha_cutoff ||
+            (m.alpha_cutoff > 0 && m.base_color_texture >= 0 && materials.HasCoordinates(i)));
   });
   const size_t dispersing =
       materials.Count([](const Material& m, size_t) { return Bends(m) && !IsBlack(m.dispersion); });
   const auto lights = size_t(std::count_if(scene.lights.begin(), scene.lights.end(),
                                            [](const Light& l) { return !IsBlack(l.intensity); }));
 
-  SceneNeeds needs;
   const auto add = [&](const char* name, bool& need, bool is_needed, const std::string& why) {
     need = is_needed;
     needs.list.push_back({name, is_needed, why});

@@ -33,6 +33,8 @@ struct SceneNeeds {
   bool environment = false;     ///< rays that miss look up a map
   std::vector<Need> list;       ///< all of the above, in this order
 
+  std::vector<uint32_t> textured;  ///< materials whose textures are read, ascending
+
   uint64_t BuildNeeds() const;  ///< RB_NEED_* for rb_build_options::needs
 };
 

@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <limits>
 #include <optional>
 
 #include "harness/build_options.h"
@@ -39,26 +38,23 @@ constexpr const char* kNote =
     "that "
     "hits: the ratio to the fewest possible (Havran's r_ITM).";
 
-constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
-constexpr SpdFigure kNoFigure{kUnknown, kUnknown};
+constexpr SpdFigure kNoFigure{kUncounted, kUncounted};
 
 /// One figure of one tree.
 struct Row {
   std::string scene, structure;
   const char* figure;
   double ours;
-  SpdFigure others;  ///< NaN or, of the check, 0 where there is nothing to compare with
+  SpdFigure others;
   bool per_ray = false;
 };
 
-/// How far `ours` is from `other`, in %; none where there is no other, or it is 0.
+/// How far `ours` is from `other`, in %; none where nobody counted it, or only `other` is 0.
 std::optional<double> Percent(double ours, double other) {
   if (other == 0 && ours == 0) return 0;
   if (!(other > 0)) return std::nullopt;
   return 100 * (ours / other - 1);
 }
-
-bool IsKnown(const Row& row, double other) { return other > 0 || (other == 0 && !row.per_ray); }
 
 /// "1,402,297", or "15.97" of figures per ray.
 std::string Text(double value, bool per_ray) {
@@ -78,7 +74,7 @@ void Print(const std::vector<Row>& rows) {
     std::string line = fmt::format("  {:<24}{:>13}", row.figure, Text(row.ours, row.per_ray));
     for (const double other : {row.others.published, row.others.check}) {
       const std::optional<double> percent = Percent(row.ours, other);
-      const bool known = IsKnown(row, other);
+      const bool known = !std::isnan(other);
       line += fmt::format("{:>13}{:>11}", known ? Text(other, row.per_ray) : "-",
                           known && percent ? fmt::format("{:+.2f} %", NoMinusZero(*percent)) : "-");
     }
@@ -87,10 +83,10 @@ void Print(const std::vector<Row>& rows) {
 }
 
 Json AsJson(const Row& row) {
-  const auto known = [&](double other) { return IsKnown(row, other) ? Json(other) : Json(); };
+  const auto known = [&](double other) { return std::isnan(other) ? Json() : Json(other); };
   const auto percent = [&](double other) {
     const std::optional<double> value = Percent(row.ours, other);
-    return IsKnown(row, other) && value ? Json(*value) : Json();
+    return value ? Json(*value) : Json();
   };
   return {{"scene", row.scene},
           {"structure", row.structure},

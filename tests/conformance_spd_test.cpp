@@ -25,7 +25,7 @@ class SpdStatics : public ::testing::TestWithParam<Static> {};
 TEST_P(SpdStatics, AgreeWithAnIndependentCheck) {
   const Static& expected = GetParam();
   const std::filesystem::path file = SharedData() / "spd" / (std::string(expected.scene) + ".nff");
-  if (!std::filesystem::exists(file)) GTEST_SKIP() << "no " << file << "; set RAYBENCH_SHARED_DATA";
+  if (!std::filesystem::exists(file)) GTEST_SKIP() << testing::NotCompared(file);
   const Scene scene = LoadScene(file);
   const Tree tree = Build(expected.structure, scene.Geometry());
   const auto got = ReadTree(tree, scene.Geometry());

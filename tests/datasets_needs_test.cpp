@@ -167,6 +167,14 @@ TEST(SceneNeeds, TexturesOfMaterialsInUse) {
   EXPECT_FALSE(NeedsOf(TexturedSquare({kMatte, painted, glowing})).textures) << "nothing uses them";
 }
 
+TEST(SceneNeeds, NothingIsCutOutBelowZero) {
+  Material painted = kMatte;
+  painted.base_color_texture = 0, painted.alpha_mode = AlphaMode::kMask;
+  EXPECT_TRUE(NeedsOf(TexturedSquare({painted})).alpha);
+  painted.alpha_cutoff = 0;
+  EXPECT_FALSE(NeedsOf(TexturedSquare({painted})).alpha);
+}
+
 TEST(SceneNeeds, DispersionOfWhatBends) {
   Material prism = kGlass;
   prism.dispersion = {-0.01f, 0, 0.01f};

@@ -16,6 +16,8 @@ struct Database {
   uint64_t triangles, spheres, cones, polygons;
   const char* hash;
 };
+void PrintTo(const Database& d, std::ostream* out) { *out << d.name; }
+
 // Primitives at the published sizes: Haines 1987, and the tables in the programs' sources.
 constexpr Database kDatabases[] = {
     {"balls", 0, 7381, 0, 1, "aa070fe9c04e474c"},      {"gears", 0, 0, 0, 9345, "b376bc50a7ba51b7"},
@@ -68,7 +70,7 @@ TEST_P(Spd, HasThePublishedPrimitives) {
 
 TEST_P(Spd, IsTheFileThatTheProgramPrints) {
   const std::filesystem::path file = testing::SharedData() / "spd" / (GetParam().name + std::string(".nff"));
-  if (!std::filesystem::exists(file)) GTEST_SKIP() << "no " << file << "; set RAYBENCH_SHARED_DATA";
+  if (!std::filesystem::exists(file)) GTEST_SKIP() << testing::NotCompared(file);
   const Scene made = LoadScene(GetParam().name), printed = LoadScene(file);
 
   ASSERT_EQ(made.triangles.size(), printed.triangles.size());

@@ -123,7 +123,7 @@ TEST_F(HarnessCommand, SpdAgreesWithPublishedFigures) {
   for (const SpdCounts& counts : kSpdCounts) {
     if (left_out(counts)) continue;
     const fs::path file = testing::SharedData() / "spd" / (std::string(counts.scene) + ".nff");
-    if (!fs::exists(file)) GTEST_SKIP() << "NOT COMPARED: no " << file << "; set RAYBENCH_SHARED_DATA";
+    if (!fs::exists(file)) GTEST_SKIP() << testing::NotCompared(file);
     words.push_back(file.string());
   }
   const Outcome outcome = Call(words);

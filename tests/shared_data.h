@@ -3,6 +3,7 @@
 
 #include <cstdlib>
 #include <filesystem>
+#include <string>
 
 #include "tests/source_directory.h"
 
@@ -13,6 +14,12 @@ namespace raybench::testing {
 inline std::filesystem::path SharedData() {
   if (const char* folder = std::getenv("RAYBENCH_SHARED_DATA")) return folder;
   return std::filesystem::path(kTestedSource).parent_path() / "shared" / "data";
+}
+
+/// What a test that skips for want of one of these files says.
+inline std::string NotCompared(const std::filesystem::path& file) {
+  return "NOT COMPARED: no " + file.string() +
+         ", which is not part of the repository; RAYBENCH_SHARED_DATA names the folder of such files";
 }
 
 }  // namespace raybench::testing

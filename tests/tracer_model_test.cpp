@@ -7,6 +7,7 @@
 
 #include "tests/tracer_testing.h"
 #include "tracer/shading.h"
+#include "tracer/surface.h"
 
 namespace raybench {
 namespace {
@@ -510,6 +511,57 @@ TEST(TracerSelfIntersection, SkipNamesTheTriangleAlone) {
   const TraceResult result = TraceScene(
       scene, {.width = 64, .height = 64, .self_intersection = SelfIntersection::kSkip, .max_depth = 0});
   EXPECT_GT(result.shadow_blocked, result.shadow_rays / 5);
+}
+
+TEST(TracerModel, WithoutAnythingThatScattersLightThereAreNoShadowRays) {
+  Scene scene = DarkScene();
+  AddMaterial(scene, {.name = "m", .diffuse = kBlack, .emission = kWhite});
+  AddFloor(scene, {0, 0, 0}, 1);
+  scene.lights = {{.position = {0, 2, 0}}};
+  scene.cameras = {LookingDown(0, 1, 0)};
+  scene.Finish();
+  const TraceResult dark = TraceScene(scene, {.width = 4, .height = 4});
+  EXPECT_EQ(dark.camera_hits, 16u);
+  EXPECT_EQ(dark.shadow_rays, 0u);
+  scene.materials[0].specular = {0.1f, 0.1f, 0.1f};
+  EXPECT_EQ(TraceScene(scene, {.width = 4, .height = 4}).shadow_rays, 16u);
+}
+
+TEST(TracerModel, NormalsAreInterpolatedOverPolygons) {
+  // An L: its corner at (1, 0, 1) points inwards. Stored normals lean along x and z as the corners lie.
+  Scene scene;
+  scene.positions = {{0, 0, 0}, {0, 0, 2}, {1, 0, 2}, {1, 0, 1}, {2, 0, 1}, {2, 0, 0}};
+  scene.polygon_vertices = {0, 1, 2, 3, 4, 5};
+  scene.polygons = {{0, 6}};
+  for (const Vec3f& p : scene.positions) scene.normals.push_back({p.x - 1, 4, p.z - 1});
+  scene.Finish();
+  const SurfacePoint flat{{0, 0, 0}, Normalize(scene.PlaneOfPolygon(0).normal), 0};
+  EXPECT_NEAR(flat.normal.y, 1, 1e-15);
+  const auto at = [&](double x, double z) {
+    SurfacePoint surface = flat;
+    surface.point = {x, 0, z};
+    return ShadingNormal(scene, {1, 0, 0, 0}, surface);
+  };
+  const auto stored = [&](size_t corner) { return Normalize(ToDouble(scene.normals[corner])); };
+  const auto expect = [](Vec3d actual, Vec3d expected, double tolerance) {
+    EXPECT_LT(Length(actual - expected), tolerance);
+  };
+  for (size_t i = 0; i < 6; ++i) {
+    const Vec3f p = scene.positions[i], q = scene.positions[(i + 1) % 6];
+    const Vec3d next = stored((i + 1) % 6);
+    expect(at(p.x, p.z), stored(i), 1e-15);
+    // A quarter along the edge, on it and just off it, inside.
+    const Vec3d quarter = Normalize(stored(i) * 0.75 + next * 0.25);
+    const double x = 0.75 * p.x + 0.25 * q.x, z = 0.75 * p.z + 0.25 * q.z;
+    expect(at(x, z), quarter, 1e-15);
+    const Vec3d inwards = Normalize(Cross(ToDouble(q) - ToDouble(p), flat.normal)) * -1e-6;
+    expect(at(x + inwards.x, z + inwards.z), quarter, 1e-5);
+  }
+  // By symmetry about the diagonal; and between the corners' normals, not the plane's.
+  const Vec3d inside = at(0.5, 0.5);
+  EXPECT_NEAR(inside.x, inside.z, 1e-15);
+  EXPECT_LT(inside.x, -0.05);
+  EXPECT_GT(inside.y, 0.9);
 }
 
 }  // namespace

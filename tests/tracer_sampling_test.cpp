@@ -28,10 +28,7 @@ uint32_t GridOf(SamplePattern pattern, uint32_t grid) {
   return pattern == SamplePattern::kCenter || pattern == SamplePattern::kCorners ? 1 : grid;
 }
 
-TEST(TracerSampling, CountsAndRanges) {
-  EXPECT_EQ(SampleCount({}, 512, 256), 512u * 256);
-  EXPECT_EQ(SampleCount({.pattern = SamplePattern::kCorners}, 512, 512), 263169u);
-  EXPECT_EQ(SampleCount({.pattern = SamplePattern::kJittered, .grid = 64}, 100000, 40000), 16384000000000u);
+TEST(TracerSampling, Ranges) {
   EXPECT_THROW(CheckSampling({.pattern = SamplePattern::kUniform, .grid = 0}), InputError);
   EXPECT_THROW(CheckSampling({.pattern = SamplePattern::kUniform, .grid = 65}), InputError);
   EXPECT_THROW(CheckSampling({.pattern = SamplePattern::kCenter, .grid = 2}), InputError);
@@ -91,7 +88,7 @@ TEST(TracerFilter, SumsToOneOverPixelsAndEndsAtItsRadius) {
     EXPECT_EQ(FilterWeight(filter, radius), 0);
     EXPECT_EQ(FilterWeight(filter, -radius), 0);
     EXPECT_NE(FilterWeight(filter, std::nextafter(radius, 0.0f) - 0.01f), 0);
-    EXPECT_EQ(FilterWeight(filter, 0.3f, -0.2f), FilterWeight(filter, 0.3f) * FilterWeight(filter, 0.2f));
+    EXPECT_EQ(FilterWeight(filter, -0.2f), FilterWeight(filter, 0.2f));
     for (float offset = -0.49f; offset < 0.5f; offset += 0.01f) {
       double sum = 0;
       for (int i = -3; i <= 3; ++i) sum += double(FilterWeight(filter, offset + float(i)));
@@ -116,7 +113,8 @@ TEST(TracerFilm, AConstantStaysConstant) {
       const Sampling sampling{.pattern = pattern, .grid = GridOf(pattern, 3), .filter = filter};
       const TraceResult result =
           Trace(scene, BuildTree(scene), {.width = 11, .height = 9, .sampling = sampling});
-      EXPECT_EQ(result.camera_rays, SampleCount(sampling, 11, 9));
+      EXPECT_EQ(result.camera_rays,
+                sampling.pattern == SamplePattern::kCorners ? 12 * 10 : 11 * 9 * sampling.PixelSamples());
       ASSERT_EQ(result.image.pixels.size(), 99u);
       for (const Vec3f& pixel : result.image.pixels)
         for (int c = 0; c < 3; ++c)

@@ -18,6 +18,7 @@ struct Database {
   uint64_t primitives, polygons, spheres, hits;
   uint64_t shadow, blocked, secondary, secondary_hits;  ///< by the check
 };
+void PrintTo(const Database& d, std::ostream* out) { *out << d.name; }
 
 class Spd : public ::testing::TestWithParam<Database> {};
 
@@ -39,7 +40,7 @@ std::vector<rb_ray> CornerRays(const Camera& camera) {
 
 TEST_P(Spd, HasThePublishedCounts) {
   const std::filesystem::path file = SharedData() / "spd" / (std::string(GetParam().name) + ".nff");
-  if (!std::filesystem::exists(file)) GTEST_SKIP() << "no " << file << "; set RAYBENCH_SHARED_DATA";
+  if (!std::filesystem::exists(file)) GTEST_SKIP() << testing::NotCompared(file);
   const Scene scene = LoadScene(file);
   EXPECT_EQ(scene.primitive_count(), GetParam().primitives);
   EXPECT_EQ(scene.polygons.size(), GetParam().polygons);
@@ -68,7 +69,7 @@ TEST_P(Spd, HasThePublishedCounts) {
 TEST_P(Spd, SendsAsManyRaysAsTheCheck) {
   const Database& expected = GetParam();
   const std::filesystem::path file = SharedData() / "spd" / (std::string(expected.name) + ".nff");
-  if (!std::filesystem::exists(file)) GTEST_SKIP() << "no " << file << "; set RAYBENCH_SHARED_DATA";
+  if (!std::filesystem::exists(file)) GTEST_SKIP() << testing::NotCompared(file);
   const Scene scene = LoadScene(file);
   const TraceResult result =
       Trace(scene, BuildTree(scene, "bvh_sah(numerics=double)"),

@@ -298,10 +298,10 @@ TEST(TracerSecondary, BeyondTheCriticalAngleReflectionIsTotal) {
 TEST(TracerSecondary, TheDepthLimitCountsBounces) {
   Scene scene = DarkScene();
   const uint32_t mirror = AddMaterial(
-      scene, {.name = "m", .diffuse = kBlack, .emission = {1, 1, 1}, .reflect = {0.5f, 0.5f, 0.5f}});
+      scene, {.name = "m", .diffuse = {0, 0, 1}, .emission = {1, 1, 1}, .reflect = {0.5f, 0.5f, 0.5f}});
   AddFloor(scene, {0, 0, 0}, 1000, true, mirror);
   AddFloor(scene, {0, 1, 0}, 1000, false, mirror);
-  scene.lights = {{.position = {0, 0.5f, 0}, .intensity = kBlack}};
+  scene.lights = {{.position = {0, 0.5f, 0}, .intensity = {0, 0, 1}}};  // red is the mirrors' alone
   scene.cameras = {{.eye = {0, 0.5f, 0}, .at = {0.3f, 0, 0}, .tan_half_fov = 0.2f}};
   scene.Finish();
   for (uint32_t depth = 0; depth <= 6; ++depth) {

@@ -46,11 +46,6 @@ void CheckSampling(const Sampling& sampling) {
                      ": must be finite and at least 0");
 }
 
-uint64_t SampleCount(const Sampling& sampling, uint32_t width, uint32_t height) {
-  if (sampling.pattern == SamplePattern::kCorners) return (uint64_t{width} + 1) * (uint64_t{height} + 1);
-  return uint64_t{width} * height * sampling.PixelSamples();
-}
-
 Vec2f SampleOffset(const Sampling& sampling, uint32_t x, uint32_t y, uint32_t index) {
   if (sampling.pattern == SamplePattern::kCenter) return {0.5f, 0.5f};
   const uint32_t n = sampling.grid, column = index % n, row = index / n;
@@ -112,10 +107,6 @@ float FilterWeight(ReconstructionFilter filter, float offset) {
   }
   return x < 1 ? ((7.0f / 6) * x - 2) * x * x + 8.0f / 9
                : ((-7.0f / 18 * x + 2) * x - 10.0f / 3) * x + 16.0f / 9;
-}
-
-float FilterWeight(ReconstructionFilter filter, float dx, float dy) {
-  return FilterWeight(filter, dx) * FilterWeight(filter, dy);
 }
 
 }  // namespace raybench

@@ -35,9 +35,6 @@ struct Sampling {
 /// Throws InputError where a number lies outside the ranges above.
 void CheckSampling(const Sampling& sampling);
 
-/// Number of rays of a picture without adaptation.
-uint64_t SampleCount(const Sampling& sampling, uint32_t width, uint32_t height);
-
 /// The place of sample `index` (< grid * grid) in pixel (x, y), from its upper left corner, in [0, 1) pixels.
 Vec2f SampleOffset(const Sampling& sampling, uint32_t x, uint32_t y, uint32_t index);
 
@@ -52,9 +49,5 @@ float FilterRadius(ReconstructionFilter filter);
 /// standard deviation 1/2, lowered to be 0 at the radius; Mitchell's has B = C = 1/3 (Mitchell, Netravali
 /// 1988) and negative lobes. Both sides of a box belong to its neighbours.
 float FilterWeight(ReconstructionFilter filter, float offset);
-
-/// The filter at an offset (dx, dy) from a pixel's middle, in pixels; not normalised. 0 from FilterRadius()
-/// on.
-float FilterWeight(ReconstructionFilter filter, float dx, float dy);
 
 }  // namespace raybench

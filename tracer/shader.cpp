@@ -13,44 +13,15 @@ constexpr float kShadowFar =
     1 - 0x1p-20f;  // t of the light is 1 up to rounding: what carries the light is no blocker
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
-bool IsBlack(Vec3f color) { return color == Vec3f{0, 0, 0}; }
-
-bool CanBeHole(const Material& m, bool has_uvs) {
-  return m.alpha_mode == AlphaMode::kMask &&
-         (m.alpha < m.alpha_cutoff || (has_uvs && m.base_color_texture >= 0 && m.alpha_cutoff > 0));
-}
-
-std::vector<bool> UsedMaterials(const Scene& scene, bool triangles_only) {
-  std::vector<bool> used(scene.materials.size());
-  for (uint32_t m : scene.triangle_material) used[m] = true;
-  if (triangles_only) return used;
-  for (const auto* of : {&scene.sphere_material, &scene.cone_material, &scene.polygon_material})
-    for (uint32_t m : *of) used[m] = true;
-  return used;
-}
-
 }  // namespace
-
-PictureNeeds::PictureNeeds(const Scene& scene, const TraceOptions& options)
-    : smooth_normals(!scene.normals.empty() && !scene.triangles.empty()) {
-  const bool has_uvs = !scene.uvs.empty(), spd = options.rules == TraceRules::kSpd;
-  const std::vector<bool> used = UsedMaterials(scene, false), on_triangles = UsedMaterials(scene, true);
-  for (uint32_t i = 0; i < used.size(); ++i) {
-    const Material& m = scene.materials[i];
-    if (has_uvs && on_triangles[i] && (m.base_color_texture >= 0 || m.emission_texture >= 0))
-      textured.push_back(i);
-    if (!used[i] || spd) continue;
-    holes |= CanBeHole(m, has_uvs && on_triangles[i]);
-    transmittance |= !IsBlack(m.transmit);
-  }
-  textures = !textured.empty();
-}
 
 Shader::Shader(const Scene& scene, const TraceOptions& options)
     : scene_(scene),
       options_(options),
       spd_(options.rules == TraceRules::kSpd),
-      needs_(scene, options),
+      needs_(NeedsOf(scene)),
+      has_holes_(needs_.alpha && !spd_),  // by kSpd everything blocks light
+      gathers_(needs_.transmittance && !spd_),
       textures_(scene, needs_.textured),
       tnear_(spd_ ? 1e-6f : 0),
       cure_size_(std::ldexp(double(options.self_intersection_size), scene.scale_exponent)) {}
@@ -80,7 +51,7 @@ bool Shader::IsHole(const rb_hit& hit) const {
 }
 
 Vec3f Shader::Transmittance(const rb_hit& hit) const {
-  if (needs_.holes && IsHole(hit)) return {1, 1, 1};
+  if (has_holes_ && IsHole(hit)) return {1, 1, 1};
   const Material& material = MaterialOf(hit);
   return IsBlack(material.transmit) ? material.transmit : LookOf(material, hit).transmit;
 }
@@ -126,7 +97,7 @@ Vec3f Shader::Shade(const Path& path, uint32_t path_index, const rb_ray& ray, co
   turn.facing = turn.normal = geometric * turn.side;
   turn.lit_normal = spd_ ? geometric : turn.facing;
   if (needs_.smooth_normals) {
-    const Vec3d stored = ShadingNormal(scene_, hit, geometric);
+    const Vec3d stored = ShadingNormal(scene_, hit, turn.surface);
     if (spd_) {
       turn.lit_normal = stored;
       turn.normal = Dot(stored, turn.view) > 0 ? -stored : stored;
@@ -139,7 +110,7 @@ Vec3f Shader::Shade(const Path& path, uint32_t path_index, const rb_ray& ray, co
   turn.front = Leave(turn, turn.side);
 
   const Look look = LookOf(material, hit);
-  SendToLights(turn, look, out);
+  if (spd_ || needs_.shadow_rays) SendToLights(turn, look, out);
   if (!last && !(IsBlack(look.reflect) && IsBlack(look.transmit))) SendOn(turn, look, out);
   return path.weight * (look.emission + scene_.ambient * look.diffuse);
 }

@@ -7,23 +7,12 @@
 
 #include "accel/raybench.h"
 #include "datasets/scene.h"
+#include "datasets/scene_needs.h"
 #include "tracer/self_intersection.h"
 #include "tracer/texture_map.h"
 #include "tracer/tracer.h"
 
 namespace raybench {
-
-/// What a picture of a scene needs by given options, so that nothing else is done. Only materials that some
-/// primitive uses count.
-struct PictureNeeds {
-  bool textures = false, smooth_normals = false;
-  bool holes = false;          ///< some hits are passed, for their alpha is below the cutoff
-  bool transmittance = false;  ///< light passes some surfaces: shadow rays gather it
-
-  std::vector<uint32_t> textured;  ///< materials whose textures are read
-
-  PictureNeeds(const Scene& scene, const TraceOptions& options);
-};
 
 struct Batch {
   std::vector<rb_ray> rays;
@@ -74,7 +63,10 @@ class Shader {
  public:
   Shader(const Scene& scene, const TraceOptions& options);
 
-  const PictureNeeds& needs() const { return needs_; }
+  /// Whether some hits are passed, for their alpha is below the cutoff.
+  bool has_holes() const { return has_holes_; }
+  /// Whether shadow rays gather what they pass; otherwise they stop at the first blocker.
+  bool gathers() const { return gathers_; }
   /// tnear of camera rays.
   float tnear() const { return tnear_; }
 
@@ -117,7 +109,8 @@ class Shader {
   const Scene& scene_;
   const TraceOptions& options_;
   const bool spd_;
-  const PictureNeeds needs_;
+  const SceneNeeds needs_;
+  const bool has_holes_, gathers_;
   const TextureMaps textures_;
   const float tnear_;
   const double cure_size_;

@@ -113,6 +113,35 @@ SurfacePoint OnPolygon(const PolygonPlane& plane, const rb_ray& ray, const rb_hi
   return s;
 }
 
+/// add(vertex, weight) for the corners of a polygon around a point of it, convex or not; the weights have the
+/// sign of a positive sum.
+template <class Add>
+void MeanValueWeights(const Scene& scene, std::span<const uint32_t> corners, const SurfacePoint& surface,
+                      const Add& add) {
+  const size_t n = corners.size();
+  const auto spoke = [&](size_t i) { return ToDouble(scene.positions[corners[i % n]]) - surface.point; };
+  // tan(a / 2) of the angle a between spokes i and i + 1, from its sine and cosine; 0: they are parallel.
+  const auto half_tangent = [&](size_t i) {
+    const Vec3d a = spoke(i), b = spoke(i + 1);
+    const double sine = Dot(Cross(a, b), surface.normal);
+    return sine == 0 ? 0 : (Length(a) * Length(b) - Dot(a, b)) / sine;
+  };
+  for (size_t i = 0; i < n; ++i) {
+    const Vec3d a = spoke(i), b = spoke(i + 1);
+    const double to_a = Length(a), to_b = Length(b);
+    if (to_a == 0) return add(corners[i], 1);
+    // On an edge the tangent is infinite: its two corners alone count.
+    if (Dot(a, b) < 0 && Length(Cross(a, b)) <= 0x1p-40 * to_a * to_b)
+      return add(corners[i], to_b), add(corners[(i + 1) % n], to_a);
+  }
+  double before = half_tangent(n - 1);
+  for (size_t i = 0; i < n; ++i) {
+    const double after = half_tangent(i);
+    add(corners[i], (before + after) / Length(spoke(i)));
+    before = after;
+  }
+}
+
 }  // namespace
 
 SurfacePoint SurfaceAt(const Scene& scene, const rb_ray& ray, const rb_hit& hit) {
@@ -131,18 +160,22 @@ SurfacePoint SurfaceAt(const Scene& scene, const rb_ray& ray, const rb_hit& hit)
   return OnTriangle(scene, hit);
 }
 
-Vec3d ShadingNormal(const Scene& scene, const rb_hit& hit, Vec3d geometric) {
-  if (hit.prim >= scene.triangles.size()) return geometric;
-  const auto& corners = scene.triangles[hit.prim];
-  const double weights[] = {1 - double(hit.u) - double(hit.v), hit.u, hit.v};
+Vec3d ShadingNormal(const Scene& scene, const rb_hit& hit, const SurfacePoint& surface) {
   Vec3d sum{0, 0, 0};
-  for (int i = 0; i < 3; ++i) {
-    const Vec3d n = ToDouble(scene.normals[corners[size_t(i)]]);
+  const auto add = [&](uint32_t vertex, double weight) {
+    const Vec3d n = ToDouble(scene.normals[vertex]);
     const double square = Dot(n, n);
-    if (square > 0) sum = sum + n * (weights[i] / std::sqrt(square));
+    if (square > 0) sum = sum + n * (weight / std::sqrt(square));
+  };
+  if (hit.prim < scene.triangles.size()) {
+    const auto& corners = scene.triangles[hit.prim];
+    const double u = hit.u, v = hit.v;
+    add(corners[0], 1 - u - v), add(corners[1], u), add(corners[2], v);
+  } else if (const auto [kind, i] = scene.Locate(hit.prim); kind == PrimKind::kPolygon) {
+    MeanValueWeights(scene, scene.CornersOf(scene.polygons[i]), surface, add);
   }
   const double square = Dot(sum, sum);
-  return square > 0 ? sum * (1 / std::sqrt(square)) : geometric;
+  return square > 0 ? sum * (1 / std::sqrt(square)) : surface.normal;
 }
 
 Vec2f UvAt(const Scene& scene, const rb_hit& hit) {

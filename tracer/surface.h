@@ -22,9 +22,10 @@ struct SurfacePoint {
 /// re-projected onto the surface.
 SurfacePoint SurfaceAt(const Scene& scene, const rb_ray& ray, const rb_hit& hit);
 
-/// The unit normal that shading goes by: vertex normals interpolated over triangles that have them, else
-/// `geometric`, the SurfacePoint's. It may point to the other side than that one. Needs scene.normals.
-Vec3d ShadingNormal(const Scene& scene, const rb_hit& hit, Vec3d geometric);
+/// The unit normal that shading goes by: vertex normals interpolated over triangles (barycentrics) and
+/// polygons (mean value coordinates, Floater 2003) that have them, else the geometric one of `surface`. It
+/// may point to the other side than that one. Needs scene.normals.
+Vec3d ShadingNormal(const Scene& scene, const rb_hit& hit, const SurfacePoint& surface);
 
 /// Texture coordinates of a hit on a triangle. Needs scene.uvs.
 Vec2f UvAt(const Scene& scene, const rb_hit& hit);

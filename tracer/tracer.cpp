@@ -71,8 +71,6 @@ inline bool IsHit(const Scene& scene, const Tree& tree, const rb_hit& hit) {
   return true;
 }
 
-bool IsBlack(Vec3f color) { return color == Vec3f{0, 0, 0}; }
-
 void ConcatenateBatches(Workers& workers, size_t count, Batch& all, const auto& part) {
   Concatenate(
       workers, count, all.rays, [&](size_t i) -> auto& { return part(i).rays; });
@@ -168,7 +166,6 @@ class Wavefront {
         cells_(CellsOf(options)),
         camera_(scene, options.width, options.height),
         shader_(scene, options),
-        gathers_(shader_.needs().transmittance || shader_.needs().holes),
         max_depth_(options.rules == TraceRules::kSpd ? 4 : options.max_depth),
         workers_(options.threads),
         band_(std::min(options.band_rays, workers_.threads() * uint32_t{8 * Workers::kChunk})),
@@ -179,7 +176,7 @@ class Wavefront {
       if (needed && (can & capability) == 0)
         throw InputError(std::string("structure ") + tree.structure().name + " cannot " + what);
     };
-    require(gathers_, RB_CAN_AFTER,
+    require(shader_.gathers() || shader_.has_holes(), RB_CAN_AFTER,
             "go on behind a hit, which scenes with transmitting or cut-out surfaces need");
     require(options.self_intersection == SelfIntersection::kSkip, RB_CAN_SKIP,
             "skip a primitive, which this cure against self-intersection needs");
@@ -344,7 +341,7 @@ class Wavefront {
     for (uint32_t kind = 0; kind < kRayKinds; ++kind) {
       const Batch& batch = level_.batches[kind];
       FindHits(workers_, tree_, batch, hits_[kind]);
-      if (shader_.needs().holes)
+      if (shader_.has_holes())
         walk_.Run(batch, hits_[kind], [&](size_t, const rb_hit& hit) { return shader_.IsHole(hit); });
     }
     (depth == 0 ? result_.camera_rays : result_.reflection_rays) += level_.batches[kReflection].rays.size();
@@ -361,10 +358,10 @@ class Wavefront {
     }
     for (uint32_t kind = 0; kind < kRayKinds; ++kind)
       Capture(SetIndex(depth, RayKind(kind)), level_.batches[kind].rays);
-    if (gathers_ || options_.capture)
+    if (shader_.gathers() || options_.capture)
       ConcatenateBatches(
           workers_, chunks, shadow_, [&](size_t i) -> auto& { return outputs_[i].shadow; });
-    if (gathers_) GatherLight(chunks);
+    if (shader_.gathers()) GatherLight(chunks);
     Capture(ShadowSetIndex(depth), shadow_.rays);
     AddToSamples();
     NextLevel(chunks);
@@ -384,7 +381,7 @@ class Wavefront {
         colors_[i] = is_hit ? shader_.Shade(path, uint32_t(i), ray, hit, last, out)
                             : path.weight * shader_.Background(ray);
       }
-      if (!gathers_) AddUnblocked(out);
+      if (!shader_.gathers()) AddUnblocked(out);
     });
   }
 
@@ -466,7 +463,6 @@ class Wavefront {
   const TiledCells cells_;
   const CameraRays camera_;
   const Shader shader_;
-  const bool gathers_;  // shadow rays gather what they pass
   const uint32_t max_depth_;
   Workers workers_;
   const uint32_t band_;  // so many samples that all threads have work, and so few that caches hold it

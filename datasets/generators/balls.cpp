@@ -66,14 +66,8 @@ Scene Generate(const void* config, const LoadOptions&) {
 
 }  // namespace
 
-const Generator kBallsGenerator = {
-    "balls",
-    "SPD: the sphereflake, mirroring spheres on a square; the seed changes nothing",
-    kSpdSource,
-    kParams,
-    std::size(kParams),
-    sizeof(SpdConfig),
-    Count,
-    Generate};
+const Generator kBallsGenerator =
+    SpdGenerator("balls", "SPD: the sphereflake, mirroring spheres on a square; the seed changes nothing",
+                 kParams, Count, Generate);
 
 }  // namespace raybench

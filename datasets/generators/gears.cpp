@@ -84,14 +84,9 @@ Scene Generate(const void* config, const LoadOptions&) {
 
 }  // namespace
 
-const Generator kGearsGenerator = {
+const Generator kGearsGenerator = SpdGenerator(
     "gears",
     "SPD: a cube of gears, some of glass, whose faces are concave polygons; the seed changes nothing",
-    kSpdSource,
-    kParams,
-    std::size(kParams),
-    sizeof(SpdConfig),
-    Count,
-    Generate};
+    kParams, Count, Generate);
 
 }  // namespace raybench

@@ -51,14 +51,8 @@ Scene Generate(const void* config, const LoadOptions&) {
 
 }  // namespace
 
-const Generator kLatticeGenerator = {
-    "lattice",
-    "SPD: mirroring spheres joined by cylinders in a cubic lattice; the seed changes nothing",
-    kSpdSource,
-    kParams,
-    std::size(kParams),
-    sizeof(SpdConfig),
-    Count,
-    Generate};
+const Generator kLatticeGenerator = SpdGenerator(
+    "lattice", "SPD: mirroring spheres joined by cylinders in a cubic lattice; the seed changes nothing",
+    kParams, Count, Generate);
 
 }  // namespace raybench

@@ -105,14 +105,8 @@ Scene Generate(const void* config, const LoadOptions&) {
 
 }  // namespace
 
-const Generator kMountGenerator = {
-    "mount",
-    "SPD: a fractal mountain behind four glass spheres; the seed changes nothing",
-    kSpdSource,
-    kParams,
-    std::size(kParams),
-    sizeof(SpdConfig),
-    Count,
-    Generate};
+const Generator kMountGenerator =
+    SpdGenerator("mount", "SPD: a fractal mountain behind four glass spheres; the seed changes nothing",
+                 kParams, Count, Generate);
 
 }  // namespace raybench

@@ -77,14 +77,9 @@ Scene Generate(const void* config, const LoadOptions&) {
 
 }  // namespace
 
-const Generator kRingsGenerator = {
+const Generator kRingsGenerator = SpdGenerator(
     "rings",
     "SPD: a pyramid of pentagonal rings of cylinders and spheres before a wall; the seed changes nothing",
-    kSpdSource,
-    kParams,
-    std::size(kParams),
-    sizeof(SpdConfig),
-    Count,
-    Generate};
+    kParams, Count, Generate);
 
 }  // namespace raybench

@@ -24,6 +24,12 @@ inline int64_t SpdSizeOf(const void* config) { return static_cast<const SpdConfi
 constexpr char kSpdSource[] =
     "Haines, A proposal for standard graphics environments, IEEE CG&A 7(11), 1987; SPD 3.15";
 
+constexpr Generator SpdGenerator(const char* name, const char* doc, const rb_param (&params)[1],
+                                 uint64_t (*count)(const void*),
+                                 Scene (*generate)(const void*, const LoadOptions&)) {
+  return {name, doc, kSpdSource, params, 1, sizeof(SpdConfig), count, generate};
+}
+
 /// An empty scene with the databases' sky, a camera whose picture spans `degrees`, and lights without
 /// fall-off, of intensity 1 / sqrt(number of lights).
 Scene SpdScene(Vec3d eye, Vec3d at, Vec3d up, double degrees, std::initializer_list<Vec3d> lights);

@@ -169,14 +169,8 @@ Scene Generate(const void* config, const LoadOptions&) {
 
 }  // namespace
 
-const Generator kTeapotGenerator = {
-    "teapot",
-    "SPD: Newell's teapot on a checkerboard, mirroring; the seed changes nothing",
-    kSpdSource,
-    kParams,
-    std::size(kParams),
-    sizeof(SpdConfig),
-    Count,
-    Generate};
+const Generator kTeapotGenerator =
+    SpdGenerator("teapot", "SPD: Newell's teapot on a checkerboard, mirroring; the seed changes nothing",
+                 kParams, Count, Generate);
 
 }  // namespace raybench

@@ -36,13 +36,7 @@ Scene Generate(const void* config, const LoadOptions&) {
 
 }  // namespace
 
-const Generator kTetraGenerator = {"tetra",
-                                   "SPD: a tetrahedron of tetrahedra; the seed changes nothing",
-                                   kSpdSource,
-                                   kParams,
-                                   std::size(kParams),
-                                   sizeof(SpdConfig),
-                                   Count,
-                                   Generate};
+const Generator kTetraGenerator = SpdGenerator(
+    "tetra", "SPD: a tetrahedron of tetrahedra; the seed changes nothing", kParams, Count, Generate);
 
 }  // namespace raybench

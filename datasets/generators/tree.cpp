@@ -78,14 +78,8 @@ Scene Generate(const void* config, const LoadOptions&) {
 
 }  // namespace
 
-const Generator kTreeGenerator = {
-    "tree",
-    "SPD: a leafless tree of cones and spheres on a field; the seed changes nothing",
-    kSpdSource,
-    kParams,
-    std::size(kParams),
-    sizeof(SpdConfig),
-    Count,
-    Generate};
+const Generator kTreeGenerator =
+    SpdGenerator("tree", "SPD: a leafless tree of cones and spheres on a field; the seed changes nothing",
+                 kParams, Count, Generate);
 
 }  // namespace raybench
