@@ -9,6 +9,8 @@
 
 namespace raybench {
 
+struct DecodedTexture;
+
 struct Texel {
   Vec3f color;  ///< linear RGB
   float alpha;  ///< not multiplied into the colour
@@ -19,32 +21,23 @@ struct Texel {
 class TextureMap {
  public:
   /// Throws InputError naming the texture's source if its bytes are no image, or do not fit into memory.
-  explicit TextureMap(const Texture& texture) : TextureMap(texture, Decode(texture)) {}
+  explicit TextureMap(const Texture& texture);
 
   /// Coordinates that are not finite, or above 1e9, count as 0.
   Texel At(Vec2f uv) const;
 
-  uint32_t width() const { return pixels_->width; }
-  uint32_t height() const { return pixels_->height; }
+  uint32_t width() const;
+  uint32_t height() const;
 
  private:
   friend class TextureMaps;
-  /// RGBA, row 0 at the top.
-  struct Pixels {
-    uint32_t width = 0, height = 0;
-    std::vector<uint8_t> bytes;  ///< one of the two is empty
-    std::vector<float> floats;
-
-    Texel At(uint32_t x, uint32_t y) const;
-  };
-  static std::shared_ptr<const Pixels> Decode(const Texture& texture);
-  TextureMap(const Texture& texture, std::shared_ptr<const Pixels> pixels)
+  TextureMap(const Texture& texture, std::shared_ptr<const DecodedTexture> pixels)
       : pixels_(std::move(pixels)),
         wrap_u_(texture.wrap_u),
         wrap_v_(texture.wrap_v),
         filter_(texture.filter) {}
 
-  std::shared_ptr<const Pixels> pixels_;
+  std::shared_ptr<const DecodedTexture> pixels_;
   TextureWrap wrap_u_, wrap_v_;
   TextureFilter filter_;
 };

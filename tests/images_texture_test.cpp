@@ -16,8 +16,8 @@ using testing::AddFloor;
 using testing::AddMaterial;
 using testing::AddQuad;
 using testing::BuildTree;
-
-constexpr Vec3f kBlack{0, 0, 0}, kWhite{1, 1, 1};
+using testing::kBlack;
+using testing::kWhite;
 
 /// Encodes width x height x channels numbers in the format of `name`'s ending.
 template <class T>

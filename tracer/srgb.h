@@ -1,15 +1,8 @@
-// What users of OpenImageIO share.
 #pragma once
 
 #include <cmath>
-#include <string>
 
 namespace raybench {
-
-/// OpenImageIO may report several lines.
-inline std::string FirstLine(const std::string& text) {
-  return text.empty() ? "no reason given" : text.substr(0, text.find('\n'));
-}
 
 /// The transfer curve of IEC 61966-2-1, for encoded values in [0, 1].
 inline float FromSrgb(double x) {
