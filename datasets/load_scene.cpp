@@ -155,7 +155,7 @@ std::vector<std::string> SceneFileEndings() {
 
 Scene LoadScene(const std::string& name, const LoadOptions& options) {
   auto told = [&](Scene scene) {
-    DropUnread(scene);
+    if (!options.keep_unread) DropUnread(scene);
     if (options.progress) options.progress(1);
     return scene;
   };

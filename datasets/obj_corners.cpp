@@ -75,7 +75,7 @@ void ObjCorners::AddFace(uint32_t face, std::vector<ObjCorner>& corners) {
   corners_.insert(corners_.end(), corners.begin(), corners.end());
 }
 
-void ObjCorners::Apply(Scene& scene) {
+void ObjCorners::Apply(Scene& scene, bool keep_unread) {
   if (corners_.empty() && scene.textures.empty()) return;
   first_.resize(scene.stats.faces + 1, corners_.size());
   const auto find = [&](uint32_t face, uint32_t vertex) {
@@ -101,7 +101,7 @@ void ObjCorners::Apply(Scene& scene) {
     Vec3f normal[3];
     for (size_t k = 0; k < 3; ++k) {
       ObjCorner& c = corners[k] = find(scene.triangle_face[i], t[k]);
-      if (!is_textured) c.uv = kNone;
+      if (!is_textured && !keep_unread) c.uv = kNone;
       check(c.uv, uvs.size()), check(c.normal, normals.size());
       if (c.normal != kNone) normal[k] = normals[c.normal];
     }
@@ -111,7 +111,7 @@ void ObjCorners::Apply(Scene& scene) {
     bare += is_textured && std::any_of(std::begin(corners), std::end(corners),
                                        [](const ObjCorner& c) { return c.uv == kNone; });
     for (size_t k = 0; k < 3; ++k) {
-      if (is_flat) corners[k].normal = kNone;
+      if (is_flat && !keep_unread) corners[k].normal = kNone;
       has_uvs = has_uvs || corners[k].uv != kNone;
       has_normals = has_normals || corners[k].normal != kNone;
       t[k] = splitter.Vertex(corners[k]);
@@ -124,6 +124,8 @@ void ObjCorners::Apply(Scene& scene) {
   };
   if (has_uvs) fill(scene.uvs, uvs, &VertexSplitter::Look::uv);
   if (has_normals) fill(scene.normals, normals, &VertexSplitter::Look::normal);
+  if (!has_uvs) scene.stats.saved_bytes += uvs.size() * sizeof uvs[0];
+  if (!has_normals) scene.stats.saved_bytes += normals.size() * sizeof normals[0];
   if (beyond > 0)
     scene.stats.notes.push_back(fmt::format(
         "{} corners of triangles refer to texture coordinates or normals that are not there", beyond));

@@ -24,9 +24,9 @@ class ObjCorners {
   void AddFace(uint32_t face, std::vector<ObjCorner>& corners);
 
   /// Gives the scene's vertices what is needed of it: coordinates where the material has a texture, normals
-  /// where they differ over a triangle or from its own. A vertex with several of them becomes several, the
-  /// new ones at the end. Notes what is not there.
-  void Apply(Scene& scene);
+  /// where they differ over a triangle or from its own; with `keep_unread` all that the file has. A vertex
+  /// with several of them becomes several, the new ones at the end. Notes what is not there.
+  void Apply(Scene& scene, bool keep_unread);
 
  private:
   std::vector<uint64_t> first_;  // of each face so far, in corners_

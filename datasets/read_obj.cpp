@@ -267,7 +267,7 @@ Scene ReadObj(const std::filesystem::path& path, const LoadOptions& options) {
   scene.materials.emplace_back().name = "default";
   ObjScan scan(path, options, scene);
   ReadWithOpenMesh(OpenMesh::IO::OBJReader(), path.string(), scan.Run(), options, scene);
-  scan.corners().Apply(scene);
+  scan.corners().Apply(scene, options.keep_unread);
   return scene;
 }
 

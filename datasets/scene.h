@@ -177,6 +177,7 @@ class Scene {
 struct LoadOptions {
   uint64_t seed = 1;                              ///< for generators
   bool drop_bad = false;                          ///< leave out bad triangles instead of refusing the file
+  bool keep_unread = false;                       ///< keep attributes that nothing reads
   std::function<void(double fraction)> progress;  ///< may be empty
 };
 

@@ -93,11 +93,26 @@ double SmallestFeatureUlp(const Scene& scene) {
 }
 
 template <class T>
-uint64_t BytesOf(const std::vector<T>& items) {
+uint64_t BytesOfItems(const std::vector<T>& items) {
   return items.capacity() * sizeof(T);
 }
 
 }  // namespace
+
+uint64_t BytesOf(const Scene& scene) {
+  uint64_t bytes = BytesOfItems(scene.positions) + BytesOfItems(scene.normals) + BytesOfItems(scene.uvs) +
+                   BytesOfItems(scene.triangles) + BytesOfItems(scene.triangle_material) +
+                   BytesOfItems(scene.triangle_face) + BytesOfItems(scene.spheres) +
+                   BytesOfItems(scene.sphere_material) + BytesOfItems(scene.cones) +
+                   BytesOfItems(scene.cone_material) + BytesOfItems(scene.polygons) +
+                   BytesOfItems(scene.polygon_material) + BytesOfItems(scene.polygon_vertices) +
+                   BytesOfItems(scene.materials) + BytesOfItems(scene.textures) + BytesOfItems(scene.lights) +
+                   BytesOfItems(scene.cameras);
+  std::set<const std::string*> images;  // textures share them
+  for (const Texture& texture : scene.textures)
+    if (images.insert(texture.bytes.get()).second) bytes += texture.bytes->size();
+  return bytes;
+}
 
 SceneFacts Examine(const Scene& scene) {
   SceneFacts facts;
@@ -107,15 +122,7 @@ SceneFacts Examine(const Scene& scene) {
   CountEdges(scene, facts);
   MeasureTriangles(scene, facts);
   facts.smallest_feature_ulp = SmallestFeatureUlp(scene);
-  facts.bytes = BytesOf(scene.positions) + BytesOf(scene.normals) + BytesOf(scene.uvs) +
-                BytesOf(scene.triangles) + BytesOf(scene.triangle_material) + BytesOf(scene.triangle_face) +
-                BytesOf(scene.spheres) + BytesOf(scene.sphere_material) + BytesOf(scene.cones) +
-                BytesOf(scene.cone_material) + BytesOf(scene.polygons) + BytesOf(scene.polygon_material) +
-                BytesOf(scene.polygon_vertices) + BytesOf(scene.materials) + BytesOf(scene.textures) +
-                BytesOf(scene.lights) + BytesOf(scene.cameras);
-  std::set<const std::string*> images;  // textures share them
-  for (const Texture& texture : scene.textures)
-    if (images.insert(texture.bytes.get()).second) facts.bytes += texture.bytes->size();
+  facts.bytes = BytesOf(scene);
   return facts;
 }
 

@@ -28,13 +28,16 @@ struct SceneFacts {
   /// The shortest positive edge or radius, in ulp of the largest coordinate (2^-23 of the power of two below
   /// it): how much of float's precision the scene takes. 0: nothing to measure.
   double smallest_feature_ulp = 0;
-  uint64_t bytes = 0;  ///< that the scene holds
+  uint64_t bytes = 0;  ///< BytesOf()
 
   /// How uneven the sizes of triangles are: 99th over 1st percentile of `extent`; 0 without triangles.
   double size_spread() const { return extent.percent1 > 0 ? extent.percent99 / extent.percent1 : 0; }
 
   bool closed() const { return boundary_edges == 0 && non_manifold_edges == 0; }
 };
+
+/// What the scene holds: geometry, attributes, materials, pictures.
+uint64_t BytesOf(const Scene& scene);
 
 /// Takes time and memory of the order of loading; same answer at any thread count.
 SceneFacts Examine(const Scene& scene);

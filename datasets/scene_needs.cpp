@@ -151,6 +151,19 @@ SceneNeeds NeedsOf(const Scene& scene) {
   return needs;
 }
 
+SceneNeeds AllNeedsOf(const Scene& scene) {
+  SceneNeeds needs;
+  needs.shadow_rays = needs.reflection_rays = needs.refraction_rays = needs.transmittance = needs.uv = true;
+  needs.alpha = needs.dispersion = true;
+  needs.textures = !scene.uvs.empty();
+  needs.smooth_normals = !scene.normals.empty();
+  needs.environment = scene.environment >= 0;
+  const UsedMaterials materials(scene);
+  needs.textured = materials.Those(
+      [&](const Material& m, size_t i) { return ReadsTexture(m) && materials.HasCoordinates(i); });
+  return needs;
+}
+
 uint64_t SceneNeeds::BuildNeeds() const {
   uint64_t needs = 0;
   if (uv) needs |= RB_NEED_UV;

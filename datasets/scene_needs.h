@@ -42,6 +42,10 @@ struct SceneNeeds {
 /// shape (closed, smallest feature, spread of sizes) take longer and stand in SceneFacts.
 SceneNeeds NeedsOf(const Scene& scene);
 
+/// What a renderer does that does not look at the scene: all that the data which are there allow. The picture
+/// is the same but for rounding; what it takes longer shows what NeedsOf() saves. `list` stays empty.
+SceneNeeds AllNeedsOf(const Scene& scene);
+
 /// Leaves out texture coordinates, textures and shading normals that NeedsOf() says nothing reads, and adds
 /// what they took to stats.saved_bytes. The geometry and its hash stay.
 void DropUnread(Scene& scene);

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "datasets/scene.h"
+#include "datasets/scene_facts.h"
 #include "harness/build_options.h"
 #include "harness/commands.h"
 #include "harness/interrupt.h"
@@ -81,6 +82,7 @@ int RenderCommand(const Registry& registry, const RenderOptions& options) {
   LoadOptions load;
   load.seed = options.seed;
   load.drop_bad = options.drop_bad;
+  load.keep_unread = trace.all_needs;
   Scene scene = LoadWithProgress(options.scene, load);
   if (scene.primitive_count() == 0)
     throw InputError(fmt::format("scene '{}' has no primitives", options.scene));
@@ -108,6 +110,7 @@ int RenderCommand(const Registry& registry, const RenderOptions& options) {
   progress.Clear();
   fmt::print("{}: {} x {}, {} built in {:.3f} s, traced and shaded in {:.3f} s\n", options.out, options.width,
              options.height, contestant.Spec(), build_seconds, trace_seconds);
+  fmt::print("scene: {:.1f} MB\n", double(BytesOf(scene)) * 1e-6);
   fmt::print("rays: {} camera, {} shadow, {} reflection, {} refraction\n", result.camera_rays,
              result.shadow_rays, result.reflection_rays, result.refraction_rays);
   fmt::print("hits: {} camera, {} shadow, {} reflection, {} refraction; shadow rays went on {} times\n",

@@ -96,43 +96,49 @@ std::vector<CLI::Option*> AddPictureOptions(CLI::App& command, PictureOptions& o
   const auto choice = [&](const char* name, auto& value, const std::string& doc, const char* type) {
     return command.add_option(name, value, doc)->type_name(type);
   };
-  return {choice("--samples", options.samples, "N x N camera rays a pixel, N up to 64; default 1", "N")
-              ->check(CLI::Range(1u, 64u)),
-          choice("--pattern", options.pattern,
-                 fmt::format("Where they go: {}; corners are shared between pixels. Default center, with "
-                             "--samples jittered",
-                             Names(kPatterns)),
-                 "PATTERN"),
-          choice("--filter", options.filter,
-                 fmt::format("How samples become pixels: {}; default box", Names(kFilters)), "FILTER"),
-          choice("--adaptive", options.adaptive,
-                 "All samples only where colours differ by more than this, elsewhere one; 0 to 1", "CONTRAST")
-              ->check(CLI::Range(0.0f, 1.0f)),
-          choice("--sampling-seed", options.sampling_seed,
-                 "Seed of jittered and low-discrepancy samples; default 1", "N"),
-          choice("--rules", options.rules,
-                 "Which rays are traced: whitted (the illumination model) or spd (those that are counted for "
-                 "the Standard Procedural Databases); default whitted",
-                 "RULES"),
-          choice("--self-intersection", options.self_intersection,
-                 fmt::format("How a ray is kept from hitting where it starts: {}; default error-bound",
-                             Names(kCures)),
-                 "CURE"),
-          choice("--self-intersection-size", options.self_intersection_size,
-                 "Of tnear and normal-offset, in units of the scene; default 1e-4", "X"),
-          choice("--fresnel", options.fresnel,
-                 fmt::format("Fresnel's equations for what transmits: {}; default material (where it asks)",
-                             Names(kFresnelModes)),
-                 "MODE"),
-          choice("--min-contribution", options.min_contribution,
-                 "Paths that add less than this to a pixel end; 0 to 1, default 0: none does", "X")
-              ->check(CLI::Range(0.0f, 1.0f)),
-          choice("--background", options.background, "Colour of rays that miss, linear; default the scene's",
-                 "R,G,B"),
-          choice("--environment", options.environment,
-                 fmt::format("Picture of the surroundings by latitude and longitude, for rays that miss: {}",
-                             Names(kMapFormats)),
-                 "FILE")};
+  return {
+      choice("--samples", options.samples, "N x N camera rays a pixel, N up to 64; default 1", "N")
+          ->check(CLI::Range(1u, 64u)),
+      choice("--pattern", options.pattern,
+             fmt::format("Where they go: {}; corners are shared between pixels. Default center, with "
+                         "--samples jittered",
+                         Names(kPatterns)),
+             "PATTERN"),
+      choice("--filter", options.filter,
+             fmt::format("How samples become pixels: {}; default box", Names(kFilters)), "FILTER"),
+      choice("--adaptive", options.adaptive,
+             "All samples only where colours differ by more than this, elsewhere one; 0 to 1", "CONTRAST")
+          ->check(CLI::Range(0.0f, 1.0f)),
+      choice("--sampling-seed", options.sampling_seed,
+             "Seed of jittered and low-discrepancy samples; default 1", "N"),
+      choice("--rules", options.rules,
+             "Which rays are traced: whitted (the illumination model) or spd (those that are counted for "
+             "the Standard Procedural Databases); default whitted",
+             "RULES"),
+      choice("--self-intersection", options.self_intersection,
+             fmt::format("How a ray is kept from hitting where it starts: {}; default error-bound",
+                         Names(kCures)),
+             "CURE"),
+      choice("--self-intersection-size", options.self_intersection_size,
+             "Of tnear and normal-offset, in units of the scene; default 1e-4", "X"),
+      choice("--fresnel", options.fresnel,
+             fmt::format("Fresnel's equations for what transmits: {}; default material (where it asks)",
+                         Names(kFresnelModes)),
+             "MODE"),
+      choice("--min-contribution", options.min_contribution,
+             "Paths that add less than this to a pixel end; 0 to 1, default 0: none does", "X")
+          ->check(CLI::Range(0.0f, 1.0f)),
+      choice("--needs", options.needs,
+             "What is modelled: what the scene needs (scene) or whatever any scene may need (all), the same "
+             "picture with more work and memory; default scene",
+             "WHAT")
+          ->check(CLI::IsMember({"scene", "all"})),
+      choice("--background", options.background, "Colour of rays that miss, linear; default the scene's",
+             "R,G,B"),
+      choice("--environment", options.environment,
+             fmt::format("Picture of the surroundings by latitude and longitude, for rays that miss: {}",
+                         Names(kMapFormats)),
+             "FILE")};
 }
 
 void SetTraceOptions(const PictureOptions& options, TraceOptions& trace) {
@@ -155,6 +161,7 @@ void SetTraceOptions(const PictureOptions& options, TraceOptions& trace) {
   if (sampling.adaptive_contrast > 0 && sampling.grid == 1)
     throw InputError("--adaptive: needs --samples of at least 2, the most a pixel gets");
 
+  trace.all_needs = options.needs == "all";
   trace.rules = Chosen("--rules", options.rules, kRules);
   if (trace.rules == TraceRules::kSpd) {
     for (const auto& [name, given] : {std::pair("--self-intersection", options.self_intersection.has_value()),
@@ -192,7 +199,7 @@ void SetBackground(const PictureOptions& options, Scene& scene) {
 }
 
 uint64_t BuildNeedsOf(const Scene& scene, const TraceOptions& trace, const rb_structure& structure) {
-  uint64_t needs = NeedsOf(scene).BuildNeeds();
+  uint64_t needs = (trace.all_needs ? AllNeedsOf(scene) : NeedsOf(scene)).BuildNeeds();
   // By these rules everything blocks light.
   if (trace.rules == TraceRules::kSpd) needs = (needs & RB_NEED_UV) | RB_NEED_ANY;
   if (trace.self_intersection == SelfIntersection::kSkip) needs |= RB_NEED_SKIP;

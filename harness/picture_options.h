@@ -17,7 +17,7 @@ struct PictureOptions {
   std::optional<uint32_t> samples;
   std::optional<std::string> pattern, filter, self_intersection, fresnel, background, environment;
   std::optional<float> adaptive, self_intersection_size, min_contribution;
-  std::string rules = "whitted";
+  std::string rules = "whitted", needs = "scene";
   uint64_t sampling_seed = 1;
 };
 

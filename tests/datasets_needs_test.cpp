@@ -251,13 +251,19 @@ TEST(DropUnread, KeepsWhatIsRead) {
 
 TEST(DropUnread, RunsOnLoading) {
   ScratchDirectory files;
-  const Scene flat = LoadScene(files.Write("flat.nff", "pp 3 0 0 0 0 0 1 1 0 0 0 0 1 0 1 0 0 0 1\n"));
+  const std::string file = files.Write("flat.nff", "pp 3 0 0 0 0 0 1 1 0 0 0 0 1 0 1 0 0 0 1\n");
+  const Scene flat = LoadScene(file);
   EXPECT_TRUE(flat.normals.empty());
   EXPECT_EQ(flat.stats.saved_bytes, 3 * sizeof(Vec3f));
   const Scene round = LoadScene(files.Write("round.nff", "pp 3 0 0 0 0 0 1 1 0 0 0 1 1 0 1 0 0 0 1\n"));
   EXPECT_EQ(round.normals.size(), 3u);
   EXPECT_EQ(round.stats.saved_bytes, 0u);
   EXPECT_EQ(flat.hash(), round.hash());
+  LoadOptions keep;
+  keep.keep_unread = true;
+  const Scene kept = LoadScene(file, keep);
+  EXPECT_EQ(kept.normals.size(), 3u);
+  EXPECT_EQ(kept.stats.saved_bytes, 0u);
 }
 
 TEST(SceneFacts, MeasuresTheSmallestFeatureAndTheSpreadOfSizes) {

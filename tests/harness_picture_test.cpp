@@ -82,6 +82,7 @@ TEST_F(HarnessCommand, RenderTakesEveryPictureOption) {
            {"--rules", "whitted", "--fresnel", "on", "--min-contribution", "0.01"},
            {"--self-intersection", "skip"},
            {"--self-intersection", "normal-offset", "--self-intersection-size", "0.001"},
+           {"--needs", "all"},
            {"--background", "0.1,0.2,3"}}) {
     SCOPED_TRACE(::testing::PrintToString(more));
     std::vector<std::string> words = {"render", kBall, "-o", out, "--size", "16x16"};
@@ -94,7 +95,7 @@ TEST_F(HarnessCommand, RenderTakesEveryPictureOption) {
   const Outcome help = Call({"render", "--help"});
   for (const char* option : {"--samples", "--pattern", "--filter", "--adaptive", "--sampling-seed",
                              "--self-intersection", "--self-intersection-size", "--fresnel",
-                             "--min-contribution", "--environment", "--background", "--rules"})
+                             "--min-contribution", "--environment", "--background", "--rules", "--needs"})
     EXPECT_NE(help.out.find(option), std::string::npos) << option;
 }
 

@@ -8,6 +8,7 @@
 #include <limits>
 #include <set>
 
+#include "datasets/scene_needs.h"
 #include "tests/tracer_testing.h"
 
 namespace raybench {
@@ -17,23 +18,14 @@ using testing::AddFloor;
 using testing::AddMaterial;
 using testing::AddQuad;
 using testing::BuildTree;
+using testing::DarkScene;
 using testing::Dir;
 using testing::FindSet;
+using testing::kBlack;
+using testing::kInf;
 using testing::MixedScene;
 using testing::Org;
-
-constexpr float kInf = std::numeric_limits<float>::infinity();
-constexpr Vec3f kBlack{0, 0, 0};
-
-Scene DarkScene() {
-  Scene scene;
-  scene.ambient = scene.background = kBlack;
-  return scene;
-}
-
-TraceResult TraceScene(const Scene& scene, TraceOptions options) {
-  return Trace(scene, BuildTree(scene), options);
-}
+using testing::TraceScene;
 
 /// The camera's float directions, computed the plain way.
 Vec3d PixelDirection(const Camera& camera, uint32_t width, uint32_t height, uint32_t x, uint32_t y) {
@@ -491,6 +483,22 @@ TEST(TracerInvalidRays, ReachNoStructureAndAreCounted) {
   EXPECT_EQ(refraction->invalid_rays, 64u);
   for (const rb_ray& ray : refraction->rays) ASSERT_TRUE(IsValidRay(ray));
   for (const Vec3f& pixel : result.image.pixels) ASSERT_EQ(pixel, scene.background);  // a defined miss
+}
+
+TEST(TracerShading, DoingAllThatAnySceneMayNeedMakesTheSamePicture) {
+  Scene mixed = MixedScene(11), opaque = MixedScene(11);
+  for (Material& m : opaque.materials) m.transmit = kBlack;
+  ASSERT_TRUE(NeedsOf(mixed).transmittance);
+  ASSERT_FALSE(NeedsOf(opaque).transmittance);
+  for (const Scene* scene : {&mixed, &opaque}) {
+    TraceOptions options{.width = 40, .height = 30, .max_depth = 3};
+    const TraceResult needed = TraceScene(*scene, options);
+    options.all_needs = true;
+    const TraceResult all = TraceScene(*scene, options);
+    EXPECT_EQ(all.image.pixels, needed.image.pixels);
+    EXPECT_EQ(all.shadow_rays, needed.shadow_rays);
+    EXPECT_EQ(all.shadow_blocked, needed.shadow_blocked);
+  }
 }
 
 }  // namespace

@@ -19,7 +19,7 @@ Shader::Shader(const Scene& scene, const TraceOptions& options)
     : scene_(scene),
       options_(options),
       spd_(options.rules == TraceRules::kSpd),
-      needs_(NeedsOf(scene)),
+      needs_(options.all_needs ? AllNeedsOf(scene) : NeedsOf(scene)),
       has_holes_(needs_.alpha && !spd_),  // by kSpd everything blocks light
       gathers_(needs_.transmittance && !spd_),
       textures_(scene, needs_.textured),

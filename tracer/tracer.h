@@ -56,6 +56,8 @@ struct TraceOptions {
   /// Paths whose weight is below this in every channel end; 0: none does.
   float min_contribution = 0;
   uint32_t max_depth = 4;  ///< reflections and refractions in a row; 0: camera and shadow rays only
+  /// Does what AllNeedsOf() says, not NeedsOf(): to see what the latter saves.
+  bool all_needs = false;
   uint32_t threads = 0;    ///< 0: all; the picture is the same at any number
   bool capture = false;    ///< freeze every batch
   /// Camera rays traced together, in [1, 2^31): bounds the memory, changes no result.
