@@ -8,6 +8,7 @@
 
 #include "accel/linked_tree.h"
 #include "accel/ray_bounds.h"
+#include "tests/effort.h"
 #include "tests/meshes.h"
 
 namespace raybench::testing {
@@ -118,7 +119,7 @@ std::vector<Workload> Workloads(int count) {
 class Bvh : public ::testing::TestWithParam<std::string> {};
 
 /// What brute force answers, asked once for all builders.
-const std::vector<rb_hit>& Expected(const Workload& w, const std::string& numerics) {
+const std::vector<rb_hit>& Expected(const Workload& w, const char* numerics) {
   static std::map<std::string, std::vector<rb_hit>> answers;
   auto [it, is_new] = answers.try_emplace(w.name + numerics);
   if (is_new) it->second = Closest(Build(With("brute", numerics), w.mesh.Geometry()), w.rays);
@@ -127,7 +128,7 @@ const std::vector<rb_hit>& Expected(const Workload& w, const std::string& numeri
 
 TEST_P(Bvh, LosesNoHitWhereTraversalIsEasiestToBreak) {
   const char* const asked = std::getenv("RAYBENCH_TEST_RAYS");
-  static const auto workloads = Workloads(asked != nullptr ? std::atoi(asked) : 1000);
+  static const auto workloads = Workloads(asked != nullptr ? std::atoi(asked) : int(Effort(1000)));
   for (const char* numerics : {"numerics=watertight", "numerics=double", "numerics=exact"}) {
     for (const Workload& w : workloads) {
       const Tree tree = Build(With(GetParam(), numerics), w.mesh.Geometry());

@@ -28,7 +28,7 @@ std::vector<Contestant> Contestants(std::initializer_list<const char*> specs) {
 }
 
 /// Rows of the points of a suite where claims must hold, few rays each.
-std::vector<Json> Measure(const char* name, std::initializer_list<const char*> specs, double most,
+std::vector<Json> Measure(const std::string& name, std::initializer_list<const char*> specs, double most,
                           uint64_t rays = 128) {
   const Suite& suite = FindSuite(name);
   std::vector<Json> rows;

@@ -4,7 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <new>
+#include <ranges>
+#include <span>
 
 #include "harness/build_options.h"
 #include "harness/check.h"
@@ -164,7 +167,13 @@ class PointRun {
     }
     geometry_ = work_.scene.Geometry();
     oracle_ = MakeOracle(work_.scene);
-    if (!work_.leave) truth_ = oracle_->Ask(work_.rays, 0);
+    constexpr size_t kChunk = 1 << 15;  // of a second at most, so that Ctrl-C is heard
+    for (size_t first = 0; !work_.leave && first < work_.rays.size(); first += kChunk) {
+      ThrowIfInterrupted();
+      const size_t count = std::min(kChunk, work_.rays.size() - first);
+      std::ranges::move(oracle_->Ask(std::span(work_.rays).subspan(first, count), 0),
+                        std::back_inserter(truth_));
+    }
     return true;
   }
 
