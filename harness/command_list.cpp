@@ -69,10 +69,6 @@ void PrintWrapped(size_t indent, std::string_view text) {
   }
 }
 
-std::string Joined(const std::vector<std::string>& words) {
-  return fmt::format("{}", fmt::join(words, ", "));
-}
-
 /// Each parameter, wrapped: name, range, default, meaning.
 void PrintSceneParameters(std::span<const rb_param> params, size_t config_size) {
   const std::vector<std::byte> defaults = Configure("", params, config_size, {});
@@ -109,7 +105,7 @@ int ListScenes() {
       PrintWrapped(6, fmt::format("{} package {}, licence: {}", e.client, e.package, e.licence));
     }
   }
-  fmt::print("\nOr the path of a file: {}\n", Joined(SceneFileEndings()));
+  fmt::print("\nOr the path of a file: {}\n", fmt::join(SceneFileEndings(), ", "));
   fmt::print("\n`raybench list scene NAME` has the details of one.\n");
   return 0;
 }

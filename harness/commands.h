@@ -46,9 +46,9 @@ RayWords ReadRayWords(const std::vector<std::string>& words);
 
 /// A command whose options are a T, made here and kept by `act`: calls add(command, options) once, and
 /// act(options, registry) when the command was typed.
-template <class T, class Add, class Act>
+template <class T, class Act>
 CLI::App& AddCommand(CLI::App& parent, Invocation& invocation, const char* name, const char* doc,
-                     const Add& add, const Act& act) {
+                     void (*add)(CLI::App&, T&), const Act& act) {
   auto options = std::make_shared<T>();
   CLI::App& command = *parent.add_subcommand(name, doc);
   command.fallthrough();

@@ -7,6 +7,7 @@
 #include <cstdlib>
 #include <cstring>
 
+#include "tests/effort.h"
 #include "tests/meshes.h"
 
 namespace raybench::testing {
@@ -14,7 +15,7 @@ namespace {
 
 size_t RayCount() {
   const char* text = std::getenv("RAYBENCH_TEST_RAYS");
-  return text != nullptr ? std::strtoull(text, nullptr, 10) : 1000;
+  return text != nullptr ? std::strtoull(text, nullptr, 10) : Effort(1000);
 }
 
 struct Workload {

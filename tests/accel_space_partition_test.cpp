@@ -7,6 +7,7 @@
 #include <cstring>
 
 #include "accel/structure.h"
+#include "tests/effort.h"
 #include "tests/meshes.h"
 
 namespace raybench::testing {
@@ -16,7 +17,7 @@ constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
 size_t RayCount() {
   const char* count = std::getenv("RAYBENCH_TEST_RAYS");
-  return count != nullptr ? size_t(std::atoll(count)) : 600;
+  return count != nullptr ? size_t(std::atoll(count)) : Effort(600);
 }
 
 /// Many flat boxes, some of them without any thickness, and steps between them: a plane of squares at a few

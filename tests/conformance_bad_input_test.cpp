@@ -10,6 +10,7 @@
 
 #include "harness/check.h"
 #include "tests/conformance.h"
+#include "tests/effort.h"
 #include "tracer/ray_set.h"
 
 namespace raybench::testing {
@@ -296,7 +297,7 @@ Shape ShapeOf(const Tree& tree) {
 }
 
 TEST_P(BadInput, AHundredThousandCopiesOfOneTriangleStayBounded) {
-  constexpr uint32_t kCopies = 50'000;  // of two triangles
+  constexpr auto kCopies = uint32_t(Effort(50'000));  // of two triangles
   const Scene scene = SceneOf(Coincident(kCopies));
   const Tree tree = BuildOver(scene);
   uint64_t nodes = 0, prims = 0;

@@ -9,6 +9,7 @@
 #include "harness/mesh_edges.h"
 #include "harness/ray_aim.h"
 #include "tests/conformance.h"
+#include "tests/effort.h"
 #include "tracer/tracer.h"
 
 namespace raybench::testing {
@@ -56,7 +57,7 @@ TEST_P(Dataset, EveryStructureAnswersAsBruteDoes) {
   const rb_geometry geometry = scene.Geometry();
   const std::vector<MeshEdge> edges = MeshEdges(scene);
   std::vector<rb_ray> rays;
-  constexpr uint64_t kRays = 192;
+  constexpr uint64_t kRays = Effort(96);
   for (const AimedSet& set : SharedSets(scene, edges, kRays, 3)) {
     if (!set.absent.empty()) continue;
     rays.resize(rays.size() + kRays);
@@ -95,12 +96,12 @@ TEST_P(Picture, IsTheSameToTheBitWithEveryStructure) {
   const Scene scene = LoadScene(GetParam(), load);
   const rb_geometry geometry = scene.Geometry();
   TraceOptions options;
-  options.width = 40, options.height = 30, options.max_depth = 3;
+  options.width = kSanitized ? 20 : 40, options.height = kSanitized ? 15 : 30, options.max_depth = 3;
   const Registry registry;
   for (const char* numerics : {"exact", "double", "watertight"}) {
     const TraceResult expected =
         Trace(scene, Build(fmt::format("brute(numerics={})", numerics), geometry), options);
-    ASSERT_GT(expected.camera_hits, 100u);
+    ASSERT_GT(expected.camera_hits, options.width * options.height / 12);
     for (const rb_structure* s : registry.structures()) {
       const std::string spec = SpecOf(*s, numerics, std::string_view(numerics) != "exact");
       if (spec.empty()) continue;

@@ -8,6 +8,7 @@
 
 #include "datasets_testing.h"
 #include "mesh_files.h"
+#include "tests/rays.h"
 
 namespace raybench {
 namespace {
@@ -17,10 +18,9 @@ using ::testing::AnyOf;
 using ::testing::ElementsAre;
 using testing::FileMesh;
 using ::testing::HasSubstr;
+using testing::kInf;
+using testing::kNan;
 using testing::MeshFormat;
-
-constexpr double kInf = std::numeric_limits<double>::infinity(),
-                 kNan = std::numeric_limits<double>::quiet_NaN();
 
 /// Two triangles; vertex 3 belongs to the second alone.
 FileMesh TwoTriangles() {
@@ -54,7 +54,7 @@ class BadFile : public ::testing::TestWithParam<MeshFormat> {
 };
 
 TEST_P(BadFile, CoordinatesThatAreNotFinite) {
-  for (double bad : {kNan, -kNan, kInf, -kInf, 1e39, -1e39, 1e300}) {
+  for (double bad : {double{kNan}, -double{kNan}, double{kInf}, -double{kInf}, 1e39, -1e39, 1e300}) {
     for (int axis = 0; axis < 3; ++axis) {
       SCOPED_TRACE(::testing::Message() << bad << " on axis " << axis);
       FileMesh mesh = TwoTriangles();
@@ -140,7 +140,7 @@ TEST_P(BadFile, CoordinatesBeyondWhatStructuresTakeAreRescaledWithoutLoss) {
       for (size_t k = 0; k < 3; ++k) {
         const Vec3d want = mesh.positions[size_t(mesh.triangles[i][k])];
         for (int a = 0; a < 3; ++a)
-          EXPECT_EQ(std::ldexp(double(Corners(scene, i)[k][a]), -scene.scale_exponent), want[a]);
+          EXPECT_EQ(std::ldexp(double(CornersOf(scene, i)[k][a]), -scene.scale_exponent), want[a]);
       }
     }
   }

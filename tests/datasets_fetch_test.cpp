@@ -17,9 +17,9 @@ namespace raybench {
 namespace {
 
 namespace fs = std::filesystem;
-using testing::AllOf;
-using testing::ElementsAre;
-using testing::HasSubstr;
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
 
 /// Sets an environment variable (nullptr: unsets it) until the end of the block.
 class ScopedVariable {
@@ -102,7 +102,7 @@ ManifestEntry MakeEntry(const std::string& name, const std::string& client, cons
 }
 
 /// A cache, and package clients that are shell scripts. Each call of a client adds a line to its log.
-class FetchTest : public testing::Test {
+class FetchTest : public ::testing::Test {
  protected:
   void SetUp() override { fs::create_directory(files_.path() / "bin"); }
 

@@ -44,7 +44,7 @@ void ExpectOneModel(const Scene& model) {
     EXPECT_EQ(scene.stats.faces, model.triangles.size()) << name;
     size_t different = 0;
     for (size_t i = 0; i < scene.triangles.size(); ++i)
-      different += Corners(scene, i) != Corners(model, i) || scene.triangle_face[i] != i;
+      different += CornersOf(scene, i) != CornersOf(model, i) || scene.triangle_face[i] != i;
     EXPECT_EQ(different, 0u) << name;
     const std::vector<rb_hit> hits = testing::Closest(testing::Build("bvh_sah", scene.Geometry()), rays);
     size_t other_hits = 0;

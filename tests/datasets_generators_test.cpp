@@ -14,7 +14,7 @@
 namespace raybench {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 /// True if each edge is used once in each direction and every vertex is used.
 bool IsClosed(const Scene& scene) {
@@ -35,7 +35,7 @@ bool IsClosed(const Scene& scene) {
 double Volume(const Scene& scene) {
   double sum = 0;
   for (size_t i = 0; i < scene.triangles.size(); ++i) {
-    auto [a, b, c] = Corners(scene, i);
+    auto [a, b, c] = CornersOf(scene, i);
     sum += Dot(ToDouble(a), Cross(ToDouble(b), ToDouble(c))) / 6;
   }
   return sum;
@@ -106,7 +106,7 @@ TEST(StadiumTest, CountsAndSizes) {
   EXPECT_EQ(scene.triangles.size(), 500u + 9504);
   Bounds3 object;
   for (size_t i = 9504; i < scene.triangles.size(); ++i)
-    for (Vec3f p : Corners(scene, i)) object.Extend(p);
+    for (Vec3f p : CornersOf(scene, i)) object.Extend(p);
   EXPECT_EQ(object.hi.y, 1);
   EXPECT_EQ(object.lo.y, 0);
   EXPECT_NEAR(scene.bounds().Extent().x, 1000, 1e-3);
@@ -123,7 +123,7 @@ TEST(StadiumTest, ObjectIsClosedAndFillsThePicture) {
   object.positions = scene.positions;
   for (size_t i = 9504; i < scene.triangles.size(); ++i) {
     object.triangles.push_back(scene.triangles[i]);
-    for (Vec3f q : Corners(scene, i)) {
+    for (Vec3f q : CornersOf(scene, i)) {
       Vec3d p = ToDouble(q) - ToDouble(c.eye);
       double y = Dot(p, up) / (Dot(p, forward) * c.tan_half_fov),
              x = Dot(p, right) / (Dot(p, forward) * c.tan_half_fov);
@@ -260,7 +260,7 @@ TEST(ShellsTest, AreClosedAndLieInsideOneAnother) {
     double reached = 0, farthest = 0;  // of the shell before
     for (size_t i = 0; i < scene.triangles.size(); ++i) {
       if (i > 0 && scene.triangle_material[i] != scene.triangle_material[i - 1]) reached = farthest;
-      const auto [a, b, c] = Corners(scene, i);
+      const auto [a, b, c] = CornersOf(scene, i);
       const Vec3d normal = Cross(ToDouble(b) - ToDouble(a), ToDouble(c) - ToDouble(a));
       ASSERT_GT(Dot(normal, ToDouble(a)) / Length(normal), reached) << name << " triangle " << i;
       for (Vec3f p : {a, b, c}) farthest = std::max(farthest, Length(ToDouble(p)));
@@ -282,7 +282,7 @@ TEST(FibresTest, TubesAreClosedAndRibbonsThin) {
     const Scene ribbons = LoadCounted(name);
     for (size_t i = 0; i < ribbons.triangles.size(); ++i) {
       if (ribbons.triangle_material[i] == 0) continue;
-      const auto [a, b, c] = Corners(ribbons, i);
+      const auto [a, b, c] = CornersOf(ribbons, i);
       const double area = Length(Cross(ToDouble(b) - ToDouble(a), ToDouble(c) - ToDouble(a))) / 2;
       const double longest = std::max({Length(ToDouble(b) - ToDouble(a)), Length(ToDouble(c) - ToDouble(a)),
                                        Length(ToDouble(c) - ToDouble(b))});
@@ -294,7 +294,7 @@ TEST(FibresTest, TubesAreClosedAndRibbonsThin) {
 TEST(SoupTest, TrianglesAreAsLongAndThinAsAsked) {
   const Scene scene = LoadCounted("soup(size=1000,length=5,aspect=20)");
   for (size_t i = 0; i < scene.triangles.size(); ++i) {
-    const auto [a, b, c] = Corners(scene, i);
+    const auto [a, b, c] = CornersOf(scene, i);
     const double width = Length(ToDouble(b) - ToDouble(a));
     const double length = Length((ToDouble(a) + ToDouble(b)) * 0.5 - ToDouble(c));
     ASSERT_NEAR(length, 5 * 2 / 10.0, 1e-6);
@@ -309,7 +309,7 @@ TEST(CityTest, StandsOnItsGroundAndFacesOutwards) {
   // Houses are open below: walls face away from the middle of their house, roofs and the ground up.
   size_t up = 0, thin = 0;
   for (size_t i = 0; i < scene.triangles.size(); ++i) {
-    const auto [a, b, c] = Corners(scene, i);
+    const auto [a, b, c] = CornersOf(scene, i);
     const Vec3d u = ToDouble(b) - ToDouble(a), v = ToDouble(c) - ToDouble(a), normal = Cross(u, v);
     ASSERT_GE(normal.y, 0) << i;
     up += normal.y > 0;
@@ -324,7 +324,7 @@ TEST(TerrainTest, IsOneLayerWithFlatWater) {
   const Scene scene = LoadCounted("terrain(size=20000)");
   size_t wet = 0;
   for (size_t i = 0; i < scene.triangles.size(); ++i) {
-    const auto [a, b, c] = Corners(scene, i);
+    const auto [a, b, c] = CornersOf(scene, i);
     ASSERT_GT(Cross(ToDouble(b) - ToDouble(a), ToDouble(c) - ToDouble(a)).y, 0);
     if (scene.materials[scene.triangle_material[i]].name == "water") {
       ++wet;

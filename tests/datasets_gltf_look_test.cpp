@@ -10,9 +10,9 @@ namespace raybench {
 namespace {
 
 using nlohmann::json;
-using testing::AllOf;
-using testing::ElementsAre;
-using testing::HasSubstr;
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
 
 TEST_F(GltfTest, MaterialsCamerasAndLights) {
   GltfBuilder b;

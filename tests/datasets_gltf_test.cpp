@@ -10,9 +10,9 @@ namespace raybench {
 namespace {
 
 using nlohmann::json;
-using testing::AllOf;
-using testing::ElementsAre;
-using testing::HasSubstr;
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
 
 using Triangle = std::array<uint32_t, 3>;
 
@@ -164,7 +164,7 @@ TEST_F(GltfTest, MirroredSolidsKeepTheirOutside) {
   Scene scene = Load(b);
   double volume[2] = {0, 0};
   for (uint32_t i = 0; i < 8; ++i) {
-    const auto corners = Corners(scene, i);
+    const auto corners = CornersOf(scene, i);
     const Vec3d far = {i < 4 ? 0.0 : 18.0, 0, 0};  // the solid's own origin
     volume[i / 4] += Dot(ToDouble(corners[0]) - far, scene.GeometricNormal(i, {}));
   }
@@ -290,7 +290,7 @@ TEST_F(GltfTest, ProgressGoesUpToOne) {
   options.progress = [&](double fraction) { told.push_back(fraction); };
   Load(b, options);
   EXPECT_TRUE(std::is_sorted(told.begin(), told.end()));
-  EXPECT_THAT(told, AllOf(testing::SizeIs(testing::Ge(3u)), testing::Contains(0.5)));
+  EXPECT_THAT(told, AllOf(::testing::SizeIs(::testing::Ge(3u)), ::testing::Contains(0.5)));
   EXPECT_EQ(told.back(), 1);
 }
 

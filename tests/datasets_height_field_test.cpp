@@ -16,8 +16,8 @@
 namespace raybench {
 namespace {
 
-using testing::ElementsAre;
-using testing::HasSubstr;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
 
 std::string Npy(const std::string& header, const std::string& data) {
   const size_t padded = ((header.size() + 10) / 64 + 1) * 64 - 10;

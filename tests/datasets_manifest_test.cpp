@@ -12,7 +12,7 @@
 namespace raybench {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 bool IsHexDigest(const std::string& text) {
   return text.size() == 64 && text.find_first_not_of("0123456789abcdef") == text.npos &&

@@ -7,13 +7,13 @@
 namespace raybench {
 namespace {
 
-using testing::AllOf;
-using testing::ElementsAre;
-using testing::HasSubstr;
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
 
 using Triangle = std::array<uint32_t, 3>;
 
-class MeshTest : public testing::Test {
+class MeshTest : public ::testing::Test {
  protected:
   Scene Obj(const std::string& text, const LoadOptions& options = {}) {
     return LoadScene(files_.Write("model.obj", text), options);
@@ -81,7 +81,7 @@ TEST_F(MeshTest, PolygonsOfAnyShape) {
   scene = Obj(frame);
   EXPECT_THAT(scene.triangle_face, ElementsAre(0, 1, 1, 1, 1, 1, 1, 1, 1, 2));
   for (size_t i = 1; i < 9; ++i) {
-    const auto [a, b, c] = Corners(scene, i);
+    const auto [a, b, c] = CornersOf(scene, i);
     area += double(b.x - a.x) * (c.y - a.y) - double(b.y - a.y) * (c.x - a.x);
   }
   EXPECT_EQ(area, 2.0 * (81 - 9));
@@ -208,8 +208,8 @@ TEST_F(MeshTest, Textures) {
       scene.stats.notes,
       ElementsAre("m.mtl: textures not applied: bump, map_d", "m.mtl: options of textures not applied: -s",
                   AllOf(HasSubstr("a texture is not used"), HasSubstr("none.png: no such file"))));
-  // v points down. Corners 1 and 2 agree with what is there; corner 3 has other coordinates for the lamp, and
-  // untextured ones stay with the first.
+  // v points down. CornersOf 1 and 2 agree with what is there; corner 3 has other coordinates for the lamp,
+  // and untextured ones stay with the first.
   ASSERT_EQ(scene.uvs.size(), scene.positions.size());
   const auto uv = [&](size_t i, size_t k) { return scene.uvs[scene.triangles[i][k]]; };
   EXPECT_EQ(uv(0, 0), (Vec2f{0, 1}));

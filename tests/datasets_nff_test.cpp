@@ -7,8 +7,8 @@
 namespace raybench {
 namespace {
 
-using testing::EndsWith;
-using testing::HasSubstr;
+using ::testing::EndsWith;
+using ::testing::HasSubstr;
 
 constexpr char kAll[] =
     "# a comment\n"

@@ -10,9 +10,9 @@
 namespace raybench {
 namespace {
 
-using testing::AllOf;
-using testing::ElementsAre;
-using testing::HasSubstr;
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
 
 using Triangle = std::array<uint32_t, 3>;
 
@@ -25,7 +25,7 @@ std::string Bytes(T value, bool big_endian = false) {
   return bytes;
 }
 
-class PlyTest : public testing::Test {
+class PlyTest : public ::testing::Test {
  protected:
   Scene Ply(const std::string& text, const LoadOptions& options = {}) {
     return LoadScene(files_.Write("model.ply", text), options);

@@ -9,17 +9,14 @@
 #include "accel/ray_triangle.h"
 #include "datasets/procedural.h"
 #include "datasets_testing.h"
+#include "tests/rays.h"
 
 namespace raybench {
 namespace {
 
-using testing::HasSubstr;
-
-constexpr float kInf = std::numeric_limits<float>::infinity();
-
-rb_ray MakeRay(Vec3f o, Vec3f d, float tnear = 0, float tfar = kInf) {
-  return {{o.x, o.y, o.z}, tnear, {d.x, d.y, d.z}, tfar};
-}
+using ::testing::HasSubstr;
+using testing::kInf;
+using testing::MakeRay;
 
 /// t of primitive `prim` of a scene's procedurals, or -1.
 float Meet(const Scene& scene, uint64_t i, const rb_ray& ray) {
@@ -233,7 +230,7 @@ TEST(Cone, NormalIsAcross) {
   }
 }
 
-std::string FinishError(Scene scene) {
+std::string NffFinishError(Scene scene) {
   scene.provenance.source = "test.nff";
   try {
     scene.Finish();
@@ -252,7 +249,7 @@ TEST(Procedural, FinishNamesWhatIsBadOrDropsIt) {
   for (const Cone& c :
        {Cone{{0, 0, 0}, 1, {0, 0, 0}, 1}, Cone{{0, 0, 0}, 0, {0, 0, 1}, 0}, Cone{{0, 0, 0}, -1, {0, 0, 1}, 1},
         Cone{{NAN, 0, 0}, 1, {0, 0, 1}, 1}, Cone{{3e38f, 0, 0}, 3e38f, {0, 0, 1}, 1}}) {
-    EXPECT_THAT(FinishError(with_cone(c)), HasSubstr("test.nff: cone 1 goes from")) << c.base.x;
+    EXPECT_THAT(NffFinishError(with_cone(c)), HasSubstr("test.nff: cone 1 goes from")) << c.base.x;
     Scene scene = with_cone(c);
     scene.Finish(true);
     EXPECT_EQ(scene.cones.size(), 1u);
@@ -262,13 +259,14 @@ TEST(Procedural, FinishNamesWhatIsBadOrDropsIt) {
   AddPolygon(scene, {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}});
   Scene bad = scene;
   bad.polygon_vertices[2] = 9;
-  EXPECT_THAT(FinishError(bad), HasSubstr("polygon 0 refers to vertex 9; allowed are finite ones, 0 to 3"));
+  EXPECT_THAT(NffFinishError(bad),
+              HasSubstr("polygon 0 refers to vertex 9; allowed are finite ones, 0 to 3"));
   bad = scene;
   bad.polygons[0].count = 2;
-  EXPECT_THAT(FinishError(bad), HasSubstr("polygon 0 has 2 corners"));
+  EXPECT_THAT(NffFinishError(bad), HasSubstr("polygon 0 has 2 corners"));
   bad = scene;
   bad.polygons[0].first = 3;
-  EXPECT_THAT(FinishError(bad), HasSubstr("polygon 0 has corners 3 to 6 of 4"));
+  EXPECT_THAT(NffFinishError(bad), HasSubstr("polygon 0 has corners 3 to 6 of 4"));
   bad = scene;
   bad.positions[1].y = kInf;
   bad.Finish(true);
@@ -512,7 +510,7 @@ uint64_t CountLeaks(const Scene& scene, uint64_t count, uint64_t seed) {
     }
     const WatertightTest test(ray);
     for (size_t i = 0; i < scene.triangles.size() && !hit; ++i) {
-      const auto p = Corners(scene, i);
+      const auto p = CornersOf(scene, i);
       PrimHit found;
       hit = test.Intersect(p[0], p[1], p[2], found) && found.t > 0;
     }

@@ -12,7 +12,7 @@
 namespace raybench {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 /// Collinearity by 128-bit integers, for coordinates that are multiples of 2^-20 below 2^24.
 bool IsDegenerateInteger(Vec3f a, Vec3f b, Vec3f c) {
@@ -88,8 +88,9 @@ TEST(FinishTest, ShadingAttributesGoWithPositions) {
   scene.Finish(), plain.Finish();
   EXPECT_EQ(scene.normals, (std::vector<Vec3f>{{0, 0, 1}, {0, 0, 0}, {3, 4, 0}, {0, 0, 0}}));
   EXPECT_EQ(scene.uvs, (std::vector<Vec2f>{{0, 0}, {1, 0}, {0.5f, -7}, {0, 0}}));
-  EXPECT_THAT(scene.stats.notes, testing::ElementsAre("2 shading normals are not finite and count as 0",
-                                                      "1 texture coordinates are not finite and count as 0"));
+  EXPECT_THAT(scene.stats.notes,
+              ::testing::ElementsAre("2 shading normals are not finite and count as 0",
+                                     "1 texture coordinates are not finite and count as 0"));
   EXPECT_EQ(scene.hash(), plain.hash());  // looks are no geometry
   Scene uneven = Tetrahedron(1);
   uneven.normals.resize(3);
@@ -382,7 +383,7 @@ TEST(GeometryTest, HasReadableBytesAfterTheLastPosition) {
   EXPECT_EQ(scene.GeometricNormal(0, {}), (Vec3d{0, 0, -1}));
 }
 
-class SphereTest : public testing::Test {
+class SphereTest : public ::testing::Test {
  protected:
   SphereTest() {
     Random random(11);

@@ -9,24 +9,24 @@
 namespace raybench {
 namespace {
 
-using testing::AllOf;
-using testing::ElementsAre;
-using testing::HasSubstr;
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
 
 using Triangle = std::array<uint32_t, 3>;
 using Facet = std::array<Vec3f, 3>;
 
-std::string Bytes(const void* p, size_t size) { return std::string(static_cast<const char*>(p), size); }
+std::string RawBytes(const void* p, size_t size) { return std::string(static_cast<const char*>(p), size); }
 
 std::string Binary(const std::vector<Facet>& facets, std::string header = "solid, though binary") {
   header.resize(80, ' ');
   const uint32_t count = uint32_t(facets.size());
-  std::string text = header + Bytes(&count, 4);
-  for (const Facet& f : facets) text += std::string(12, '\0') + Bytes(f.data(), sizeof f) + "ab";
+  std::string text = header + RawBytes(&count, 4);
+  for (const Facet& f : facets) text += std::string(12, '\0') + RawBytes(f.data(), sizeof f) + "ab";
   return text;
 }
 
-class StlTest : public testing::Test {
+class StlTest : public ::testing::Test {
  protected:
   Scene Stl(const std::string& text, const LoadOptions& options = {}) {
     return LoadScene(files_.Write("model.stl", text), options);

@@ -10,7 +10,7 @@
 namespace raybench {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 constexpr const char* kSchemes[] = {"loop", "midpoint", "sqrt3", "butterfly"};
 
@@ -56,11 +56,11 @@ TEST(SubdivideTest, MidpointKeepsTheSurface) {
   for (size_t i = 0; i < after.triangles.size(); ++i) {
     const size_t parent = after.triangle_face[i];
     ASSERT_EQ(parent, i / 64) << "children follow each other in the order of their parents";
-    const auto [a, b, c] = Corners(before, parent);
+    const auto [a, b, c] = CornersOf(before, parent);
     const Vec3d origin = ToDouble(a), u = ToDouble(b) - origin, v = ToDouble(c) - origin,
                 normal = Cross(u, v);
-    for (Vec3f corner : Corners(after, i)) {
-      // Corners lie at multiples of 1/8 along both sides, up to rounding.
+    for (Vec3f corner : CornersOf(after, i)) {
+      // CornersOf lie at multiples of 1/8 along both sides, up to rounding.
       const Vec3d p = ToDouble(corner) - origin;
       const double s = Dot(Cross(p, v), normal) / Dot(normal, normal),
                    t = Dot(Cross(u, p), normal) / Dot(normal, normal);
@@ -70,7 +70,7 @@ TEST(SubdivideTest, MidpointKeepsTheSurface) {
       ASSERT_LE(s + t, 1 + 1e-4);
       ASSERT_NEAR(Dot(p, normal) / Length(normal), 0, 1e-7);
     }
-    const auto [d, e, f] = Corners(after, i);
+    const auto [d, e, f] = CornersOf(after, i);
     area[parent] +=
         Dot(Cross(ToDouble(e) - ToDouble(d), ToDouble(f) - ToDouble(d)), normal) / Dot(normal, normal);
   }
@@ -105,7 +105,7 @@ TEST(SubdivideTest, MaterialsAndFacesFollow) {
     for (size_t i = 0; i < scene.triangles.size(); ++i) {
       EXPECT_EQ(scene.triangle_face[i], before.triangle_face[i / growth]);
       EXPECT_EQ(scene.triangle_material[i], before.triangle_material[i / growth]);
-      EXPECT_EQ(Corners(scene, i)[0].x > 8, scene.triangle_face[i] == 1);
+      EXPECT_EQ(CornersOf(scene, i)[0].x > 8, scene.triangle_face[i] == 1);
     }
     EXPECT_EQ(scene.stats.faces, 2u);
     EXPECT_EQ(scene.name, std::string(scheme) == "loop"

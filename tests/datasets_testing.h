@@ -89,7 +89,7 @@ inline int CountRefusedMutations(const ScratchDirectory& files, const std::strin
 }
 
 /// The corners of triangle i.
-inline std::array<Vec3f, 3> Corners(const Scene& scene, size_t i) {
+inline std::array<Vec3f, 3> CornersOf(const Scene& scene, size_t i) {
   const std::array<uint32_t, 3>& t = scene.triangles[i];
   return {scene.positions[t[0]], scene.positions[t[1]], scene.positions[t[2]]};
 }

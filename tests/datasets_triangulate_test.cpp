@@ -7,6 +7,7 @@
 
 #include "datasets/random.h"
 #include "datasets/triangulate.h"
+#include "tests/effort.h"
 
 namespace raybench {
 namespace {
@@ -162,7 +163,7 @@ TEST(TriangulateTest, WhatCannotBeCutIsAFan) {
 TEST(TriangulateTest, StarsAndSpiralsOfEveryKind) {
   // A polygon whose corners go round the origin does not cross itself. Directions on a square, so that many
   // corners are collinear.
-  for (uint64_t seed = 0; seed < 300; ++seed) {
+  for (uint64_t seed = 0; seed < testing::Effort(300); ++seed) {
     Random random(seed);
     std::vector<Vec3f> outline;
     const int side = 2 + int(random.Below(4));

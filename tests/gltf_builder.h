@@ -87,7 +87,7 @@ struct GltfBuilder {
 
 inline const std::vector<float> kSquare = {0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0};
 
-class GltfTest : public testing::Test {
+class GltfTest : public ::testing::Test {
  protected:
   Scene Load(GltfBuilder& b, const LoadOptions& options = {}) {
     return LoadScene(files_.Write("m.gltf", b.Text()), options);

@@ -10,6 +10,7 @@
 #include "harness/surd.h"
 #include "harness/verdict.h"
 #include "oracle_scenes.h"
+#include "tests/effort.h"
 
 namespace raybench::testing {
 namespace {
@@ -221,7 +222,7 @@ TEST_P(ExactTruthAgainstReference, AgreesInEverything) {
   uint64_t hits = 0, ties = 0, coplanar = 0;
   for (uint64_t seed = 1; seed <= 3; ++seed) {
     const Scene scene = LatticeScene(seed, shift);
-    const std::vector<rb_ray> rays = LatticeRays(scene, 100 + seed, 250, shift);
+    const std::vector<rb_ray> rays = LatticeRays(scene, 100 + seed, int(Effort(250)), shift);
     for (const auto& oracle : {MakeOracle(scene), MakeBoxOracle(scene)}) {
       const auto truth = oracle->Ask(rays, 1);
       for (size_t i = 0; i < rays.size(); ++i) {
@@ -249,9 +250,9 @@ TEST_P(ExactTruthAgainstReference, AgreesInEverything) {
       }
     }
   }
-  EXPECT_GT(hits, 600u);
-  EXPECT_GT(ties, 100u);
-  EXPECT_GT(coplanar, 10u);
+  EXPECT_GT(hits, Effort(600));
+  EXPECT_GT(ties, Effort(100));
+  EXPECT_GT(coplanar, Effort(10));
 }
 INSTANTIATE_TEST_SUITE_P(Shifts, ExactTruthAgainstReference, ::testing::Values(0.0f, 4096.0f));
 

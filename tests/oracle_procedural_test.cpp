@@ -5,16 +5,12 @@
 #include "accel/registry.h"
 #include "harness/oracle.h"
 #include "meshes.h"
+#include "tests/effort.h"
+#include "tests/rays.h"
 #include "tracer/tracer.h"
 
 namespace raybench::testing {
 namespace {
-
-constexpr float kInf = std::numeric_limits<float>::infinity();
-
-rb_ray MakeRay(Vec3f o, Vec3f d, float tnear = 0, float tfar = kInf) {
-  return {{o.x, o.y, o.z}, tnear, {d.x, d.y, d.z}, tfar};
-}
 
 void AddPolygon(Scene& scene, const std::vector<Vec3f>& corners) {
   scene.polygons.push_back({uint32_t(scene.polygon_vertices.size()), uint32_t(corners.size())});
@@ -198,15 +194,15 @@ TEST_P(Mixed, EveryStructureKeepsItsClaimAndAgreesWithBrute) {
   const Scene scene = MixedScene(61, size, center);
   ASSERT_EQ(scene.cones.size(), 40u);
   ASSERT_GT(scene.polygons.size(), 30u);
-  const auto rays = RaysAt(scene, size, center, 6000, 62);
+  const auto rays = RaysAt(scene, size, center, Effort(6000), 62);
   const auto oracle = MakeOracle(scene);
   const auto truth = oracle->Ask(rays, 0);
   uint64_t hits_of[4] = {}, missed = 0;
   for (const Truth& t : truth) t.hit ? ++hits_of[size_t(scene.Locate(t.tied[0]).kind)] : ++missed;
   if (distance < 1e5) {
-    for (uint64_t n : hits_of) EXPECT_GT(n, 100u);
+    for (uint64_t n : hits_of) EXPECT_GT(n, Effort(100));
   }
-  EXPECT_GT(missed, 100u);
+  EXPECT_GT(missed, Effort(100));
 
   const auto expected = Closest(Build("brute", scene.Geometry()), rays);
   const Registry registry;

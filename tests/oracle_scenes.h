@@ -8,10 +8,9 @@
 
 #include "datasets/random.h"
 #include "datasets/scene.h"
+#include "tests/rays.h"
 
 namespace raybench::testing {
-
-inline constexpr float kInf = std::numeric_limits<float>::infinity();
 
 inline Scene MakeScene(std::vector<Vec3f> positions, std::vector<std::array<uint32_t, 3>> triangles) {
   Scene scene;
@@ -115,10 +114,6 @@ inline Scene MakeSheets(int count, uint64_t seed) {
     t.push_back({3 * i, 3 * i + 1, 3 * i + 2});
   }
   return MakeScene(std::move(p), std::move(t));
-}
-
-inline rb_ray MakeRay(Vec3f o, Vec3f d, float tnear = 0, float tfar = kInf) {
-  return {{o.x, o.y, o.z}, tnear, {d.x, d.y, d.z}, tfar};
 }
 
 }  // namespace raybench::testing

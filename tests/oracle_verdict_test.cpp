@@ -5,6 +5,7 @@
 #include "harness/aimed.h"
 #include "harness/oracle.h"
 #include "oracle_scenes.h"
+#include "tests/effort.h"
 
 namespace raybench {
 namespace {
@@ -385,13 +386,13 @@ VerdictCounts JudgeStructure(const Scene& scene, const Oracle& oracle, std::span
 TEST(Verdicts, AimedRaysShowTheLeaksOfFastAndNoneOfWatertight) {
   const Scene scene = MakeIcosphere(2);
   const auto oracle = MakeOracle(scene);
-  const RaySet set = AimedRays(scene, 20000, 1);
+  const RaySet set = AimedRays(scene, Effort(20000), 1);
   for (const uint32_t kind : {uint32_t(RB_CLOSEST), uint32_t(RB_ANY)}) {
     const VerdictCounts watertight =
         JudgeStructure(scene, *oracle, set.rays, "brute(numerics=watertight)", kind);
     EXPECT_EQ(watertight.leaks(), 0u);
     EXPECT_EQ(watertight.plain_errors(), 0u);
-    EXPECT_GT(JudgeStructure(scene, *oracle, set.rays, "brute(numerics=fast)", kind).leaks(), 200u);
+    EXPECT_GT(JudgeStructure(scene, *oracle, set.rays, "brute(numerics=fast)", kind).leaks(), Effort(200));
   }
 }
 
@@ -403,7 +404,7 @@ TEST(Verdicts, WatertightHasNoPlainErrorFromOutside) {
     for (Vec3f& p : sphere.positions) p = p + shift;
     const Scene scene = MakeScene(sphere.positions, sphere.triangles);
     const auto oracle = MakeOracle(scene);
-    RaySet set = AimedRays(scene, 6000, 2, Bounds3{shift + Vec3f{2, 2, 2}, shift + Vec3f{3, 4, 5}});
+    RaySet set = AimedRays(scene, Effort(6000), 2, Bounds3{shift + Vec3f{2, 2, 2}, shift + Vec3f{3, 4, 5}});
     for (size_t i = 0; i < set.rays.size(); i += 3) {
       rb_ray& ray = set.rays[i];
       if (i % 2) {

@@ -17,23 +17,16 @@ using testing::AddMaterial;
 using testing::AddQuad;
 using testing::AddTriangle;
 using testing::BuildTree;
+using testing::DarkScene;
 using testing::Dir;
 using testing::FindSet;
+using testing::kBlack;
+using testing::kInf;
+using testing::kWhite;
 using testing::Org;
+using testing::TraceScene;
 
-constexpr float kInf = std::numeric_limits<float>::infinity();
-constexpr Vec3f kBlack{0, 0, 0}, kWhite{1, 1, 1};
 constexpr double kUlp = 0x1p-23;
-
-Scene DarkScene() {
-  Scene scene;
-  scene.ambient = scene.background = kBlack;
-  return scene;
-}
-
-TraceResult TraceScene(const Scene& scene, TraceOptions options) {
-  return Trace(scene, BuildTree(scene), options);
-}
 
 void ExpectNear(Vec3f actual, Vec3d expected, double tolerance) {
   EXPECT_NEAR(actual.x, expected.x, tolerance);

@@ -9,10 +9,9 @@
 namespace raybench {
 namespace {
 
+using testing::kInf;
+using testing::kNan;
 using testing::MixedScene;
-
-constexpr float kInf = std::numeric_limits<float>::infinity();
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
 Bounds3 UnitBox() { return {{0, 0, 0}, {1, 1, 1}}; }
 

@@ -12,6 +12,7 @@
 
 #include "datasets/random.h"
 #include "tests/files.h"
+#include "tests/rays.h"
 #include "tracer/ray_file.h"
 #include "tracer/recorder/raybench_recorder.h"
 
@@ -20,8 +21,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
-
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+using testing::kNan;
 
 /// Odd numbers of vertices and triangles: both arrays end in half a word.
 Scene OddMesh() {

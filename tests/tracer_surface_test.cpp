@@ -13,8 +13,7 @@ namespace {
 
 using testing::AddTriangle;
 using testing::BuildTree;
-
-constexpr float kInf = std::numeric_limits<float>::infinity();
+using testing::kInf;
 
 rb_ray RayFrom(Vec3f org, Vec3d dir) {
   const Vec3f d = ToFloat(dir);

@@ -7,10 +7,13 @@
 #include "accel/registry.h"
 #include "datasets/random.h"
 #include "datasets/scene.h"
+#include "tests/rays.h"
 #include "tracer/ray_set.h"
 #include "tracer/tracer.h"
 
 namespace raybench::testing {
+
+inline constexpr Vec3f kBlack{0, 0, 0}, kWhite{1, 1, 1};
 
 inline uint32_t AddMaterial(Scene& scene, const Material& material) {
   scene.materials.push_back(material);
@@ -50,6 +53,17 @@ inline const RaySet* FindSet(const TraceResult& result, const std::string& label
 
 inline Vec3d Org(const rb_ray& ray) { return ToDouble(LoadVec3(ray.org)); }
 inline Vec3d Dir(const rb_ray& ray) { return ToDouble(LoadVec3(ray.dir)); }
+
+/// Empty, without light.
+inline Scene DarkScene() {
+  Scene scene;
+  scene.ambient = scene.background = kBlack;
+  return scene;
+}
+
+inline TraceResult TraceScene(const Scene& scene, TraceOptions options) {
+  return Trace(scene, BuildTree(scene), options);
+}
 
 /// A bit of everything: random triangles and spheres that reflect and refract over a floor, two lights.
 inline Scene MixedScene(uint64_t seed) {
