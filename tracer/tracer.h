@@ -58,8 +58,8 @@ struct TraceOptions {
   uint32_t max_depth = 4;  ///< reflections and refractions in a row; 0: camera and shadow rays only
   /// Does what AllNeedsOf() says, not NeedsOf(): to see what the latter saves.
   bool all_needs = false;
-  uint32_t threads = 0;    ///< 0: all; the picture is the same at any number
-  bool capture = false;    ///< freeze every batch
+  uint32_t threads = 0;  ///< 0: all; the picture is the same at any number
+  bool capture = false;  ///< freeze every batch
   /// Camera rays traced together, in [1, 2^31): bounds the memory, changes no result.
   uint32_t band_rays = 1u << 20;
   std::function<void(double fraction)> progress = {};  ///< called from one thread at a time; rises to 1
