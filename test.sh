@@ -54,7 +54,9 @@ fi
 failed=no
 for preset in "${presets[@]}"; do
   say "C++ tests, $preset"
-  ctest --preset "$preset" -j "$jobs" "${select[@]}" || failed=yes
+  label=()
+  [ "$preset" = release ] || label=(-L "$([ -n "$filter" ] && echo single || echo part)")
+  ctest --preset "$preset" -j "$jobs" "${label[@]}" "${select[@]}" || failed=yes
 done
 if [ ${#python_tests[@]} -gt 0 ]; then
   say "Python tests"
