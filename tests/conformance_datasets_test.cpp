@@ -57,7 +57,7 @@ TEST_P(Dataset, EveryStructureAnswersAsBruteDoes) {
   const rb_geometry geometry = scene.Geometry();
   const std::vector<MeshEdge> edges = MeshEdges(scene);
   std::vector<rb_ray> rays;
-  constexpr uint64_t kRays = Effort(96);
+  constexpr uint64_t kRays = Effort(192);
   for (const AimedSet& set : SharedSets(scene, edges, kRays, 3)) {
     if (!set.absent.empty()) continue;
     rays.resize(rays.size() + kRays);
