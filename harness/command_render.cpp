@@ -16,6 +16,7 @@
 #include "harness/progress.h"
 #include "harness/render_heat.h"
 #include "tracer/image_io.h"
+#include "tracer/image_library.h"
 #include "tracer/tracer.h"
 
 namespace raybench {
@@ -43,7 +44,7 @@ void ParseSize(const std::string& text, RenderOptions& options) {
   options.width = width, options.height = height;
 }
 
-/// Before any work: that the file can be written at all.
+/// Before any work: that the file, and pictures at all, can be written.
 void CheckOut(const std::string& out) {
   const fs::path path(out), folder = path.has_parent_path() ? path.parent_path() : fs::path(".");
   const std::string extension = path.extension().string();
@@ -52,6 +53,7 @@ void CheckOut(const std::string& out) {
   std::error_code error;
   if (!fs::is_directory(folder, error))
     throw InputError(fmt::format("{}: cannot be written: {} is not a directory", out, folder.string()));
+  LoadImageLibrary();
 }
 
 RenderHeatOptions HeatOptionsOf(const Registry& registry, const RenderOptions& options) {
