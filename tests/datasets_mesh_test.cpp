@@ -208,7 +208,7 @@ TEST_F(MeshTest, Textures) {
       scene.stats.notes,
       ElementsAre("m.mtl: textures not applied: bump, map_d", "m.mtl: options of textures not applied: -s",
                   AllOf(HasSubstr("a texture is not used"), HasSubstr("none.png: no such file"))));
-  // v points down. CornersOf 1 and 2 agree with what is there; corner 3 has other coordinates for the lamp,
+  // v points down. Corners 1 and 2 agree with what is there; corner 3 has other coordinates for the lamp,
   // and untextured ones stay with the first.
   ASSERT_EQ(scene.uvs.size(), scene.positions.size());
   const auto uv = [&](size_t i, size_t k) { return scene.uvs[scene.triangles[i][k]]; };
@@ -388,6 +388,24 @@ TEST_F(MeshTest, OffErrors) {
   EXPECT_THAT(OffError("OFF\n3 1 0\n0 0 0\n1 nan 0\n0 1 0\n3 0 1 2\n"),
               AllOf(HasSubstr("vertex 1"), HasSubstr("finite")));
   EXPECT_THAT(OffError("OFF\n3 1 0\n0 0 0\n1 0\n0 1 0\n3 0 1 2\n"), HasSubstr("vertex 1 has 2 coordinates"));
+}
+
+TEST_F(MeshTest, WhatNothingReadsIsCountedOrKept) {
+  const std::string text = std::string(kSquare) + "vt 0 0\nvt 1 0\nvt 1 1\nvn 0 0 1\nf 1/1/1 2/2/1 3/3/1\n";
+  const Scene needed = Obj(text);
+  EXPECT_TRUE(needed.uvs.empty());
+  EXPECT_TRUE(needed.normals.empty());
+  EXPECT_EQ(needed.stats.saved_bytes, 3 * sizeof(Vec2f) + sizeof(Vec3f));
+  LoadOptions keep;
+  keep.keep_unread = true;
+  const Scene all = Obj(text, keep);
+  EXPECT_EQ(all.stats.saved_bytes, 0u);
+  ASSERT_EQ(all.uvs.size(), all.positions.size());
+  ASSERT_EQ(all.normals.size(), all.positions.size());
+  EXPECT_EQ(all.uvs[all.triangles[0][1]].u, 1);
+  EXPECT_EQ(all.uvs[all.triangles[0][1]].v, 1) << "v points down";
+  EXPECT_EQ(all.normals[all.triangles[0][1]], (Vec3f{0, 0, 1}));
+  EXPECT_EQ(all.hash(), needed.hash());
 }
 
 TEST_F(MeshTest, DamagedFilesLoadOrNameTheFile) {

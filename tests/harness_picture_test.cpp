@@ -11,7 +11,7 @@
 namespace raybench {
 namespace {
 
-constexpr const char* kBall = "icosphere(level=1)";
+constexpr const char* kSmallBall = "icosphere(level=1)";
 
 TEST_F(HarnessCommand, RenderRefusesPictureOptionsThatMeanNothing) {
   const std::string out = (folder_ / "out.png").string();
@@ -60,7 +60,7 @@ TEST_F(HarnessCommand, RenderRefusesPictureOptionsThatMeanNothing) {
       if (!there) continue;  // a build without Embree
     }
     SCOPED_TRACE(::testing::PrintToString(row.arguments));
-    std::vector<std::string> words = {"render", kBall, "-o", out, "--size", "8x8"};
+    std::vector<std::string> words = {"render", kSmallBall, "-o", out, "--size", "8x8"};
     words.insert(words.end(), row.arguments.begin(), row.arguments.end());
     const Outcome outcome = Call(words);
     EXPECT_EQ(outcome.exit_code, 2) << outcome.err;
@@ -85,7 +85,7 @@ TEST_F(HarnessCommand, RenderTakesEveryPictureOption) {
            {"--needs", "all"},
            {"--background", "0.1,0.2,3"}}) {
     SCOPED_TRACE(::testing::PrintToString(more));
-    std::vector<std::string> words = {"render", kBall, "-o", out, "--size", "16x16"};
+    std::vector<std::string> words = {"render", kSmallBall, "-o", out, "--size", "16x16"};
     words.insert(words.end(), more.begin(), more.end());
     const Outcome outcome = Call(words);
     EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
@@ -97,6 +97,45 @@ TEST_F(HarnessCommand, RenderTakesEveryPictureOption) {
                              "--self-intersection", "--self-intersection-size", "--fresnel",
                              "--min-contribution", "--environment", "--background", "--rules", "--needs"})
     EXPECT_NE(help.out.find(option), std::string::npos) << option;
+}
+
+TEST_F(HarnessCommand, NeedsAllMakesTheSamePictureOfMoreMemory) {
+  const fs::path file = folder_ / "square.obj";
+  {
+    std::ofstream out(file);  // coordinates that no material reads
+    for (int i = 1; i <= 50000; ++i) out << "v " << i << " 0 1\nvt 0.5 0.5\n";
+    out << "v 0 0 0\nv 2000 4000 0\nvt 0 0\nvt 1 1\n";
+    for (int i = 1; i <= 50000; ++i) out << "f " << i << '/' << i << " 50001/50001 50002/50002\n";
+  }
+  std::vector<std::string> pictures;
+  std::vector<double> megabytes;
+  for (const char* needs : {"scene", "all"}) {
+    const fs::path picture = folder_ / "out.png";
+    const Outcome outcome =
+        Call({"render", file.string(), "-o", picture.string(), "--size", "32x32", "--needs", needs});
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+    pictures.push_back(Read(picture));
+    const size_t at = outcome.out.find("scene: ");
+    ASSERT_NE(at, std::string::npos) << outcome.out;
+    megabytes.push_back(std::stod(outcome.out.substr(at + 7)));
+  }
+  EXPECT_EQ(pictures[0], pictures[1]);
+  EXPECT_GT(megabytes[1], megabytes[0]);
+}
+
+TEST_F(HarnessCommand, WithoutTheLibraryOfPicturesRenderSaysSoAndTheRestWorks) {
+  const fs::path alone = folder_ / "bin" / "raybench", err = folder_ / "err", picture = folder_ / "a.png";
+  fs::create_directory(alone.parent_path());
+  fs::copy(fs::path(kBinaryDirectory) / "raybench", alone);
+  const auto call = [&](const std::string& words) {
+    const int status =
+        std::system(fmt::format("'{}' {} > /dev/null 2> '{}'", alone.string(), words, err.string()).c_str());
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  };
+  EXPECT_EQ(call("list scenes"), 0) << Read(err);
+  EXPECT_EQ(call(fmt::format("render {} -o '{}'", "'icosphere(level=1)'", picture.string())), 2);
+  EXPECT_NE(Read(err).find("pictures need libraybench_images.so, which is not there"), std::string::npos);
+  EXPECT_FALSE(fs::exists(picture));
 }
 
 TEST(PictureOptions, BecomeTraceOptions) {
@@ -127,7 +166,7 @@ TEST(PictureOptions, BecomeTraceOptions) {
 
 TEST_F(HarnessCommand, AnEnvironmentBecomesATextureOfTheScene) {
   std::ofstream(folder_ / "sky.JPG") << "jpeg";
-  Scene scene = LoadScene(kBall);
+  Scene scene = LoadScene(kSmallBall);
   PictureOptions options;
   options.background = "0.5,0,2e1";
   SetBackground(options, scene);
@@ -145,7 +184,7 @@ TEST_F(HarnessCommand, AnEnvironmentBecomesATextureOfTheScene) {
 TEST(PictureOptions, TellTheStructureWhatItMustDo) {
   const Registry registry;
   const rb_structure& structure = *ParseContestant(registry, "bvh_sah").structure;
-  Scene scene = LoadScene(kBall);
+  Scene scene = LoadScene(kSmallBall);
   TraceOptions trace;
   EXPECT_EQ(BuildNeedsOf(scene, trace, structure), uint64_t(RB_NEED_UV | RB_NEED_ANY));
   trace.self_intersection = SelfIntersection::kSkip;
