@@ -175,9 +175,9 @@ class Scene {
 };
 
 struct LoadOptions {
-  uint64_t seed = 1;                              ///< for generators
-  bool drop_bad = false;                          ///< leave out bad triangles instead of refusing the file
-  bool keep_unread = false;                       ///< keep attributes that nothing reads
+  uint64_t seed = 1;         ///< for generators
+  bool drop_bad = false;     ///< leave out bad triangles instead of refusing the file
+  bool keep_unread = false;  ///< keep attributes that nothing reads, where the reader knows them
   std::function<void(double fraction)> progress;  ///< may be empty
 };
 

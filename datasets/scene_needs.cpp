@@ -73,6 +73,13 @@ class UsedMaterials {
   /// Whether coordinates to look up a texture at are there: triangles alone have them.
   bool HasCoordinates(size_t material) const { return by_triangle_[material] != 0 && !scene_.uvs.empty(); }
 
+  /// Those whose textures are read.
+  std::vector<uint32_t> Textured() const {
+    return Those([&](const Material& m, size_t i) {
+      return (m.base_color_texture >= 0 || m.emission_texture >= 0) && HasCoordinates(i);
+    });
+  }
+
   /// "no material in use transmits", "1 of 5 materials in use transmits"; `do_` and `does` are the verb.
   std::string Text(size_t count, const char* does, const char* do_) const {
     if (count == 0) return fmt::format("no material in use {}", does);
@@ -87,7 +94,6 @@ class UsedMaterials {
 bool Transmits(const Material& m) { return !IsBlack(m.transmit); }
 /// With an index of 1 nothing is bent, and nothing reflected totally.
 bool Bends(const Material& m) { return Transmits(m) && !m.thin && (m.ior != 1 || !IsBlack(m.dispersion)); }
-bool ReadsTexture(const Material& m) { return m.base_color_texture >= 0 || m.emission_texture >= 0; }
 
 }  // namespace
 
@@ -100,8 +106,7 @@ SceneNeeds NeedsOf(const Scene& scene) {
   });
   const size_t transmitting = materials.Count([](const Material& m, size_t) { return Transmits(m); });
   SceneNeeds needs;
-  needs.textured = materials.Those(
-      [&](const Material& m, size_t i) { return ReadsTexture(m) && materials.HasCoordinates(i); });
+  needs.textured = materials.Textured();
   const size_t textured = needs.textured.size();
   const size_t cut_out = materials.Count([&](const Material& m, size_t i) {
     return m.alpha_mode == AlphaMode::kMask &&
@@ -159,8 +164,7 @@ SceneNeeds AllNeedsOf(const Scene& scene) {
   needs.smooth_normals = !scene.normals.empty();
   needs.environment = scene.environment >= 0;
   const UsedMaterials materials(scene);
-  needs.textured = materials.Those(
-      [&](const Material& m, size_t i) { return ReadsTexture(m) && materials.HasCoordinates(i); });
+  needs.textured = materials.Textured();
   return needs;
 }
 

@@ -60,7 +60,7 @@ TEST(SubdivideTest, MidpointKeepsTheSurface) {
     const Vec3d origin = ToDouble(a), u = ToDouble(b) - origin, v = ToDouble(c) - origin,
                 normal = Cross(u, v);
     for (Vec3f corner : CornersOf(after, i)) {
-      // CornersOf lie at multiples of 1/8 along both sides, up to rounding.
+      // Corners lie at multiples of 1/8 along both sides, up to rounding.
       const Vec3d p = ToDouble(corner) - origin;
       const double s = Dot(Cross(p, v), normal) / Dot(normal, normal),
                    t = Dot(Cross(u, p), normal) / Dot(normal, normal);

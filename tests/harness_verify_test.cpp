@@ -19,7 +19,7 @@ using ::testing::HasSubstr;
 using ::testing::Not;
 using Row = std::map<std::string, std::string>;
 
-constexpr const char* kVerified = "icosphere(level=2)";
+constexpr const char* kBall = "icosphere(level=2)";
 constexpr const char* kClasses[] = {
     "exact",          "tie",        "neighbour",           "leak",      "wrong",
     "wrong_marginal", "false_miss", "false_miss_marginal", "false_hit", "false_hit_marginal"};
@@ -39,8 +39,8 @@ class HarnessVerify : public HarnessCommand {
 };
 
 TEST_F(HarnessVerify, WatertightHoldsOnEverySetAndFastDoesNot) {
-  const Outcome outcome = Verify(
-      {kVerified, "--rays", "512", "--structures", "bvh_sah,bvh_sah(numerics=fast)", "--out", In("out")});
+  const Outcome outcome =
+      Verify({kBall, "--rays", "512", "--structures", "bvh_sah,bvh_sah(numerics=fast)", "--out", In("out")});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_THAT(outcome.out, HasSubstr("\nbvh_sah claims watertight: held\n"));
   EXPECT_THAT(outcome.out, HasSubstr("\nbvh_sah(numerics=fast) claims inexact: its errors are measured\n"));
@@ -56,7 +56,7 @@ TEST_F(HarnessVerify, WatertightHoldsOnEverySetAndFastDoesNot) {
     EXPECT_EQ(sum, Number(row, "rays"));
     EXPECT_EQ(Number(row, "rays"), row.at("query") == "any" ? 128u : 512u);
     EXPECT_EQ(row.at("held"), "1");
-    EXPECT_EQ(row.at("scene"), kVerified);
+    EXPECT_EQ(row.at("scene"), kBall);
     EXPECT_GT(std::stod(row.at("leak_upper")), double(Number(row, "leak")) / double(sum));
     EXPECT_EQ(row.at("t_error_p50").empty(), row.at("query") == "any");
     if (row.at("spec") == "bvh_sah") {
@@ -74,17 +74,17 @@ TEST_F(HarnessVerify, WatertightHoldsOnEverySetAndFastDoesNot) {
   EXPECT_EQ(facts.at("scenes").at(0).at("structures").at(0).at("structure").at("references"), 320);
   EXPECT_EQ(facts.at("seed"), 1);
 
-  const Outcome again = Verify({kVerified, "--rays", "512", "--structures", "bvh_sah,bvh_sah(numerics=fast)",
+  const Outcome again = Verify({kBall, "--rays", "512", "--structures", "bvh_sah,bvh_sah(numerics=fast)",
                                 "--threads", "1", "--out", In("again")});
   EXPECT_EQ(Read(folder_ / "again" / "verdicts.csv"), Read(folder_ / "out" / "verdicts.csv"));
   EXPECT_EQ(Read(folder_ / "again" / "examples.json"), Read(folder_ / "out" / "examples.json"));
-  const Outcome other = Verify({kVerified, "--rays", "512", "--structures", "bvh_sah(numerics=fast)",
-                                "--seed", "2", "--out", In("other")});
+  const Outcome other = Verify({kBall, "--rays", "512", "--structures", "bvh_sah(numerics=fast)", "--seed",
+                                "2", "--out", In("other")});
   EXPECT_NE(Read(folder_ / "other" / "examples.json"), Read(folder_ / "out" / "examples.json"));
 }
 
 TEST_F(HarnessVerify, WhatClaimsExactIsHeldToTheBit) {
-  const Outcome outcome = Verify({kVerified, "--rays", "256", "--any", "--structures",
+  const Outcome outcome = Verify({kBall, "--rays", "256", "--any", "--structures",
                                   "bvh_sah(numerics=exact),bvh_sah", "--out", In("out")});
   EXPECT_EQ(outcome.exit_code, 0) << outcome.out;
   const size_t answers = 2 * 256 * AimedSetNames().size();
@@ -103,10 +103,9 @@ TEST_F(HarnessVerify, WhatClaimsExactIsHeldToTheBit) {
 
 TEST_F(HarnessVerify, ExamplesReplayToTheSameVerdicts) {
   const std::string spec = "bvh_sah(numerics=fast)";
-  ASSERT_EQ(
-      Verify({kVerified, "--rays", "1024", "--structures", spec, "--examples", "12", "--out", In("out")})
-          .exit_code,
-      0);
+  ASSERT_EQ(Verify({kBall, "--rays", "1024", "--structures", spec, "--examples", "12", "--out", In("out")})
+                .exit_code,
+            0);
   const auto examples = nlohmann::json::parse(Read(folder_ / "out" / "examples.json"));
   ASSERT_EQ(examples.size(), 12u);
   std::map<std::string, uint64_t> classes;
@@ -115,7 +114,7 @@ TEST_F(HarnessVerify, ExamplesReplayToTheSameVerdicts) {
     EXPECT_EQ(e.at("structure"), spec);
     ++classes[e.at("verdict")];
     if (i % 4 != 0) continue;
-    const Outcome replay = Verify({kVerified, "--structures", spec, "--replay", e.at("ray")});
+    const Outcome replay = Verify({kBall, "--structures", spec, "--replay", e.at("ray")});
     EXPECT_EQ(replay.exit_code, 0) << replay.err;
     const std::string verdict = e.at("verdict"), query = e.at("query");
     EXPECT_THAT(replay.out, HasSubstr(verdict + ": " + query + " hit, set replay"));
@@ -125,8 +124,7 @@ TEST_F(HarnessVerify, ExamplesReplayToTheSameVerdicts) {
     }
   }
   EXPECT_GT(classes["leak"], 0u);
-  const Outcome files =
-      Verify({kVerified, "--structures", spec, "--rays", In("out"), "--out", In("replayed")});
+  const Outcome files = Verify({kBall, "--structures", spec, "--rays", In("out"), "--out", In("replayed")});
   EXPECT_EQ(files.exit_code, 0) << files.err;
   std::map<std::string, uint64_t> replayed;
   for (const Row& row : ReadCsv(folder_ / "replayed" / "verdicts.csv")) {
@@ -156,14 +154,14 @@ TEST_F(HarnessVerify, APluginThatLosesRaysIsCaughtByRaysAndByItsTree) {
     SCOPED_TRACE(c.flaw);
     const std::string spec = c.loses_rays ? fmt::format("leaky(flaw={})", c.flaw) : "leaky";
     const Outcome outcome =
-        Verify({kVerified, "--plugin", plugin, "--structures", spec, "--rays", "2048", "--examples", "2"});
+        Verify({kBall, "--plugin", plugin, "--structures", spec, "--rays", "2048", "--examples", "2"});
     EXPECT_EQ(outcome.exit_code, c.loses_rays ? 1 : 0) << outcome.out << outcome.err;
     EXPECT_THAT(outcome.out, HasSubstr(c.structure));
     EXPECT_THAT(outcome.out, HasSubstr(c.loses_rays ? spec + " claims watertight: BROKEN"
                                                     : spec + " claims watertight: held"));
     EXPECT_EQ(outcome.out.find("--replay") != std::string::npos, c.loses_rays);
 
-    const Outcome closed = Verify({kVerified, "--plugin", plugin, "--structures", spec, "--closed", "20000"});
+    const Outcome closed = Verify({kBall, "--plugin", plugin, "--structures", spec, "--closed", "20000"});
     EXPECT_EQ(closed.exit_code, c.loses_rays ? 1 : 0) << closed.out << closed.err;
     EXPECT_THAT(closed.out,
                 HasSubstr(c.loses_rays ? "(BROKEN): 20000 closest-hit rays"
@@ -173,7 +171,7 @@ TEST_F(HarnessVerify, APluginThatLosesRaysIsCaughtByRaysAndByItsTree) {
     const size_t at = closed.out.find("--replay \"");
     ASSERT_NE(at, std::string::npos);
     const std::string ray = closed.out.substr(at + 10, closed.out.find('"', at + 10) - at - 10);
-    const Outcome replay = Verify({kVerified, "--plugin", plugin, "--structures", spec, "--replay", ray});
+    const Outcome replay = Verify({kBall, "--plugin", plugin, "--structures", spec, "--replay", ray});
     EXPECT_EQ(replay.exit_code, 1);
     EXPECT_THAT(replay.out, HasSubstr("answer: miss"));
     EXPECT_THAT(replay.out, HasSubstr("claims watertight: BROKEN"));
@@ -182,8 +180,8 @@ TEST_F(HarnessVerify, APluginThatLosesRaysIsCaughtByRaysAndByItsTree) {
 
 TEST_F(HarnessVerify, MalformedAnswersBreakTheContractWhateverIsClaimed) {
   const std::string plugin = (BuildPlugins() / "libwrong.so").string();
-  const Outcome outcome = Verify({kVerified, "--plugin", plugin, "--structures", "wrong_bad_ids", "--rays",
-                                  "512", "--sets", "aimed_edge"});
+  const Outcome outcome = Verify(
+      {kBall, "--plugin", plugin, "--structures", "wrong_bad_ids", "--rays", "512", "--sets", "aimed_edge"});
   EXPECT_EQ(outcome.exit_code, 1);
   EXPECT_THAT(
       outcome.out,
@@ -225,9 +223,9 @@ TEST_F(HarnessVerify, ScenesOfProceduralPrimitivesSayWhatTheyLack) {
 }
 
 TEST_F(HarnessVerify, TheLedgerAddsUpAndNeverCountsASeedTwice) {
-  const std::vector<std::string> words = {kVerified,        "--structures", "bvh_sah,bvh_sah(numerics=fast)",
-                                          "--closed",       "100K",         "--ledger",
-                                          In("ledger.json")};
+  const std::vector<std::string> words = {
+      kBall,      "--structures",   "bvh_sah,bvh_sah(numerics=fast)", "--closed", "100K",
+      "--ledger", In("ledger.json")};
   const Outcome first = Verify(words);
   EXPECT_EQ(first.exit_code, 0) << first.err;
   EXPECT_THAT(first.out,
@@ -243,7 +241,7 @@ TEST_F(HarnessVerify, TheLedgerAddsUpAndNeverCountsASeedTwice) {
   const auto ledger = nlohmann::json::parse(Read(folder_ / "ledger.json"));
   ASSERT_EQ(ledger.at("campaigns").size(), 4u);
   const auto &robust = ledger["campaigns"][0], &fast = ledger["campaigns"][1];
-  EXPECT_EQ(robust.at("scene"), kVerified);
+  EXPECT_EQ(robust.at("scene"), kBall);
   EXPECT_EQ(robust.at("structure"), "bvh_sah");
   EXPECT_THAT(robust.at("params").get<std::string>(), HasSubstr("numerics=watertight"));
   EXPECT_EQ(robust.at("version"), kVersion);
@@ -260,7 +258,7 @@ TEST_F(HarnessVerify, TheLedgerAddsUpAndNeverCountsASeedTwice) {
   EXPECT_EQ(fast.at("misses"), misses[0] + misses[1]);
   // Rays do not depend on the threads.
   std::vector<std::string> alone = {
-      kVerified, "--structures", "bvh_sah(numerics=fast)", "--closed", "100K", "--threads", "1"};
+      kBall, "--structures", "bvh_sah(numerics=fast)", "--closed", "100K", "--threads", "1"};
   EXPECT_THAT(Verify(alone).out, HasSubstr(fmt::format("102400 closest-hit rays, {} misses", misses[0])));
 }
 
@@ -306,8 +304,7 @@ TEST_F(HarnessVerify, ALedgerThatDoesNotAddUpIsRefusedAndLeftAlone) {
            {with("\"rays\": 30", "\"rays\": \"many\""), "campaign 0 has no counts"},
            {with("\"commit\"", "\"comet\""), "campaign 0 has no text 'commit'"}}) {
     write(text);
-    const Outcome outcome =
-        Verify({kVerified, "--structures", "bvh_sah", "--closed", "1K", "--ledger", path});
+    const Outcome outcome = Verify({kBall, "--structures", "bvh_sah", "--closed", "1K", "--ledger", path});
     EXPECT_EQ(outcome.exit_code, 2);
     EXPECT_THAT(outcome.err, HasSubstr("ledger.json: " + says));
     EXPECT_EQ(outcome.out, "");
@@ -321,8 +318,8 @@ TEST_F(HarnessVerify, CtrlCKeepsWhatWasFired) {
   uint64_t rays = 0;
   for (int seconds = 1; seconds <= 64 && rays == 0; seconds *= 4) {
     fs::remove(ledger);
-    const pid_t pid = Start(
-        {"verify", kVerified, "--structures", "bvh_sah", "--closed", "1000G", "--ledger", ledger.string()});
+    const pid_t pid =
+        Start({"verify", kBall, "--structures", "bvh_sah", "--closed", "1000G", "--ledger", ledger.string()});
     // The run is entered before it begins.
     for (int i = 0; i < 600 && !fs::exists(ledger); ++i)
       std::this_thread::sleep_for(std::chrono::milliseconds(50));
@@ -342,7 +339,7 @@ TEST_F(HarnessVerify, CtrlCKeepsWhatWasFired) {
   for (int seconds = 1; seconds <= 64 && (rows.empty() || Number(rows[0], "rays") == 0); seconds *= 4) {
     fs::remove_all(folder_ / "out");
     const pid_t judging =
-        Start({"verify", kVerified, "--structures", "bvh_sah", "--rays", "100M", "--out", In("out")});
+        Start({"verify", kBall, "--structures", "bvh_sah", "--rays", "100M", "--out", In("out")});
     for (int i = 0; i < 600 && !fs::exists(folder_ / "out"); ++i)
       std::this_thread::sleep_for(std::chrono::milliseconds(50));
     std::this_thread::sleep_for(std::chrono::seconds(seconds));
@@ -366,35 +363,35 @@ TEST_F(HarnessVerify, WrongInputIsOneLineAndNothingIsWritten) {
   for (const auto& [words, says] : std::vector<std::pair<std::vector<std::string>, std::string>>{
            {{}, "scenes"},
            {{"nosuch"}, "nosuch"},
-           {{kVerified, kVerified}, "is given twice"},
-           {{kVerified, "--structures", "nosuch"}, "unknown structure 'nosuch'"},
-           {{kVerified, "--structures", "bvh_sah,bvh_sah"}, "is given twice"},
-           {{kVerified, "--sets", "sideways"},
+           {{kBall, kBall}, "is given twice"},
+           {{kBall, "--structures", "nosuch"}, "unknown structure 'nosuch'"},
+           {{kBall, "--structures", "bvh_sah,bvh_sah"}, "is given twice"},
+           {{kBall, "--sets", "sideways"},
             "unknown ray set 'sideways'; allowed are random, camera, aimed_vertex, aimed_edge, silhouette, "
             "axis_parallel, grazing, planes, far"},
-           {{kVerified, "--rays", "12"}, "between 64 and 2^28"},
-           {{kVerified, "--rays", In("nosuch.rays")}, "neither a number of rays"},
-           {{kVerified, "--rays", In("full"), "--sets", "random"}, "--sets"},
-           {{kVerified, "--threads", "0"}, "--threads"},
-           {{kVerified, "--out", In("full")}, "holds the results of another verification"},
-           {{kVerified, "--ledger", In("l.json")}, "--closed"},
-           {{kVerified, "--closed", "0"}, "--closed"},
-           {{kVerified, "--closed", "1K", "--sets", "random"}, "--sets"},
-           {{kVerified, "--closed", "1K", "--rays", "64"}, "--rays"},
-           {{kVerified, "--closed", "1K", "--out", out}, "--out"},
-           {{kVerified, "--closed", "1K", "--ledger", In("no/l.json")}, "is no folder"},
+           {{kBall, "--rays", "12"}, "between 64 and 2^28"},
+           {{kBall, "--rays", In("nosuch.rays")}, "neither a number of rays"},
+           {{kBall, "--rays", In("full"), "--sets", "random"}, "--sets"},
+           {{kBall, "--threads", "0"}, "--threads"},
+           {{kBall, "--out", In("full")}, "holds the results of another verification"},
+           {{kBall, "--ledger", In("l.json")}, "--closed"},
+           {{kBall, "--closed", "0"}, "--closed"},
+           {{kBall, "--closed", "1K", "--sets", "random"}, "--sets"},
+           {{kBall, "--closed", "1K", "--rays", "64"}, "--rays"},
+           {{kBall, "--closed", "1K", "--out", out}, "--out"},
+           {{kBall, "--closed", "1K", "--ledger", In("no/l.json")}, "is no folder"},
            {{In("open.off"), "--closed", "1K", "--ledger", In("l.json")},
             "is not closed: 3 of 6 edges have an odd number of triangles; one of them runs from (1, 0, 0) to "
             "(0, 1, 0) and has 1, of which triangle 0 is the first"},
            {{In("spheres.nff"), "--closed", "1K"}, "has no triangles"},
-           {{kVerified, "--replay", ray, "--rays", "64"}, "--replay"},
-           {{kVerified, "icosphere(level=1)", "--replay", ray}, "--replay: name one scene"},
-           {{kVerified, "--replay", "0,0,0,0,1,0,inf"},
+           {{kBall, "--replay", ray, "--rays", "64"}, "--replay"},
+           {{kBall, "icosphere(level=1)", "--replay", ray}, "--replay: name one scene"},
+           {{kBall, "--replay", "0,0,0,0,1,0,inf"},
             "--replay: write ox,oy,oz,tnear,dx,dy,dz,tfar; dz is not a number"},
-           {{kVerified, "--replay", "0,0,0,0,1,0,0,inf,2"}, "tfar is not a number there"},
-           {{kVerified, "--replay", "0.1,0,0,0,1,0,0,inf"}, "ox = 0.1 is no float"},
-           {{kVerified, "--replay", "0,0,0,0,0,0,0,inf"}, "not all of the direction 0"},
-           {{kVerified, "--replay", "0,0,0,-1,1,0,0,inf"}, "tnear at least 0"}}) {
+           {{kBall, "--replay", "0,0,0,0,1,0,0,inf,2"}, "tfar is not a number there"},
+           {{kBall, "--replay", "0.1,0,0,0,1,0,0,inf"}, "ox = 0.1 is no float"},
+           {{kBall, "--replay", "0,0,0,0,0,0,0,inf"}, "not all of the direction 0"},
+           {{kBall, "--replay", "0,0,0,-1,1,0,0,inf"}, "tnear at least 0"}}) {
     SCOPED_TRACE(::testing::PrintToString(words));
     const Outcome outcome = Verify(words);
     EXPECT_EQ(outcome.exit_code, 2) << outcome.err;

@@ -2,8 +2,6 @@
 #include <OpenImageIO/imageio.h>
 #include <fmt/format.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cstdlib>
@@ -13,27 +11,16 @@
 #include <numeric>
 
 #include "accel/registry.h"
-#include "harness/build_info.h"
 #include "harness/heat_files.h"
 #include "harness/render_heat.h"
-#include "tests/files.h"
+#include "tests/command.h"
 #include "tracer/heat_map.h"
 
 namespace raybench {
 namespace {
 
-namespace fs = std::filesystem;
-
-class HarnessHeat : public ::testing::Test {
+class HarnessHeat : public HarnessCommand {
  protected:
-  HarnessHeat()
-      : folder_(fs::path(::testing::TempDir()) /
-                fmt::format("raybench_{}_{}", ::testing::UnitTest::GetInstance()->current_test_info()->name(),
-                            getpid())) {
-    fs::create_directories(folder_);
-  }
-  ~HarnessHeat() override { fs::remove_all(folder_); }
-
   /// Exit code of `raybench render icosphere(level=2) ARGUMENTS`, its output in out() and err().
   int Render(const std::string& arguments, const std::string& environment = "") {
     const std::string command = fmt::format("{} '{}/raybench' render 'icosphere(level=2)' {} > '{}' 2> '{}'",
@@ -53,8 +40,6 @@ class HarnessHeat : public ::testing::Test {
     for (uint32_t i = 0; i < width * height; ++i) map.steps[i] = i, map.prims[i] = i * factor;
     return map;
   }
-
-  fs::path folder_;
 };
 
 TEST_F(HarnessHeat, MapsAreNpyFilesInTheNarrowestType) {
