@@ -28,6 +28,8 @@ void Transpose3(Float4 p0, Float4 p1, Float4 p2, Float4 p3, float (&rows)[3][4])
 
 Bvh2::Bvh2(const rb_geometry& geometry, const BinaryTree& tree)
     : geometry_(geometry), clipped_(tree.clipped) {
+  static_assert(LeafRef(kMaxLeaf, kMostFirstBlock) != kEmpty &&
+                LeafRef(kMaxLeaf, kMostFirstBlock + 1) == kEmpty);
   // First pass, in depth-first order: give nodes and leaf blocks their places.
   struct Leaf {
     uint32_t slot, block;
@@ -47,9 +49,8 @@ Bvh2::Bvh2(const rb_geometry& geometry, const BinaryTree& tree)
     const BuildNode& node = tree.nodes[p.slot];
     uint32_t ref;
     if (node.count > 0) {
-      if (node.count > kMaxLeaf || blocks >= (1u << kBlockBits))
-        throw std::runtime_error("too many primitives");
-      ref = kLeaf | ((node.count - 1) << kBlockBits) | blocks;
+      if (node.count > kMaxLeaf || blocks > kMostFirstBlock) throw std::runtime_error("too many primitives");
+      ref = LeafRef(node.count, blocks);
       leaves.push_back({p.slot, blocks});
       blocks += (node.count + kLanes - 1) / kLanes;
     } else {

@@ -63,6 +63,11 @@ class Bvh2 {
   const void* Address(uint32_t ref) const {
     return (ref & kLeaf) != 0 ? static_cast<const void*>(&blocks_[FirstBlock(ref)]) : &nodes_[ref];
   }
+  static constexpr uint32_t LeafRef(uint32_t count, uint32_t first_block) {
+    return kLeaf | ((count - 1) << kBlockBits) | first_block;
+  }
+  /// The last block that bits can name would make the largest leaf look like nothing.
+  static constexpr uint32_t kMostFirstBlock = (1u << kBlockBits) - 2;
   static uint32_t LeafSize(uint32_t ref) { return ((ref >> kBlockBits) & 15u) + 1; }
   static uint32_t FirstBlock(uint32_t ref) { return ref & ((1u << kBlockBits) - 1); }
 
