@@ -18,6 +18,10 @@
 // interval that float arithmetic computed (ray_primitive.h), so the near end is scaled too, by 1 - 32 u: then
 // the interval of every box around the primitive holds the exact t and its rounding. A near end below zero
 // moves up, but stays below zero, where it decides nothing.
+//
+// Subnormal numbers: a difference of floats does not underflow; where t does, it is rounded as the interval's
+// ends are, and rounding is monotone; where 1/d does, it keeps enough bits for the scaling above; where 1/d
+// overflows, the near end is taken with the largest float, hence too early, and the far one is infinite.
 #pragma once
 
 #include <algorithm>
@@ -34,7 +38,7 @@ namespace raybench {
 /// The box from lo to hi, padded as above for a triangle of that extent; at least by one ulp of each
 /// coordinate, since less would be rounded away.
 inline Bounds3 PaddedBounds(Vec3f lo, Vec3f hi, float extent) {
-  const float pad = extent * 0x1p-20f;
+  const float pad = std::max(extent * 0x1p-20f, std::numeric_limits<float>::denorm_min());
   Bounds3 b;
   for (int a = 0; a < 3; ++a) {
     b.lo[a] = lo[a] - std::max(pad, std::fabs(lo[a]) * 0x1p-23f);

@@ -49,7 +49,8 @@ struct RayState {
   bool Take(const Bounds3& box, PrimHit hit, uint32_t prim, rb_hit& best) const {
     if constexpr (Test::kNumerics == Numerics::kExact) {
       // The interval holds for the exact t; but a ray that resumes at a hit goes on from its rounded t.
-      if (hit.beyond > 0 && hit.t == query.ray.tfar) return false;
+      if (hit.beyond > 0 && hit.t >= std::min(query.ray.tfar, std::numeric_limits<float>::max()))
+        return false;
       if (hit.beyond > 0 && hit.t == query.ray.tnear && query.after == RAYBENCH_NONE)
         hit.t = std::nextafter(hit.t, std::numeric_limits<float>::infinity());
     } else if constexpr (Test::kSlack != Slack::kNone) {

@@ -4,12 +4,16 @@
 // rejects what Intersect accepts: it computes the same in the same order, or allows for the difference.
 //
 //   fast        Moeller-Trumbore in float: leaks
-//   watertight  Woop in float, signs exact given the sheared vertices: no leaks, ids beside edges by rounding
-//   double      the same in double: right but where surfaces are closer than 2^-50, t within half an ulp
-//   exact       membership by exact predicates, t correctly rounded: the truth
+//   watertight  Woop, vertices sheared in float, signs exact given these: no leaks, ids beside edges by
+//   rounding double      the same in double: right but where surfaces are closer than 2^-50, t within half an
+//   ulp exact       membership by exact predicates, t correctly rounded: the truth
+//
+// All but `fast` are right down to subnormal numbers, of vertices, origins and directions alike.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
+#include <limits>
 #include <utility>
 
 #include "accel/exact.h"
@@ -23,8 +27,8 @@ namespace raybench {
 enum class Numerics : uint32_t { kFast, kWatertight, kDouble, kExact };
 inline constexpr const char* kNumericsChoices[] = {"fast", "watertight", "double", "exact", nullptr};
 inline constexpr const char* kNumericsDoc =
-    "arithmetic of the ray tests: fast (float, leaks at edges), watertight (float with double fallback, no "
-    "leaks), double (the same in double), exact (exact predicates, t correctly rounded)";
+    "arithmetic of the ray tests: fast (float, leaks at edges), watertight (vertices sheared in float, signs "
+    "exact, no leaks), double (the same in double), exact (exact predicates, t correctly rounded)";
 
 /// Vertex access for MayHit: corner, axis -> the coordinate of four triangles.
 struct Lanes {
@@ -69,7 +73,14 @@ class FastTest {
   static constexpr Numerics kNumerics = Numerics::kFast;
   static constexpr Slack kSlack = Slack::kNone;
 
-  explicit FastTest(const rb_ray& ray) : org_(LoadVec3(ray.org)), dir_(LoadVec3(ray.dir)) {}
+  explicit FastTest(const rb_ray& ray) : org_(LoadVec3(ray.org)), dir_(LoadVec3(ray.dir)) {
+    const float length = std::max(std::fabs(dir_.x), std::max(std::fabs(dir_.y), std::fabs(dir_.z)));
+    if (length >= 0x1p-60f && length <= 0x1p60f) [[likely]]
+      return;
+    // Products with it would leave the range of float.
+    scale_ = std::ldexp(1.0f, (length < 1 ? -60 : 60) - std::ilogb(length));
+    dir_ = dir_ * scale_;
+  }
 
   /// Bit i: triangle i may be hit.
   unsigned MayHit(Lanes v) const { return Mask(Inside(Compute<Float4>(v))); }
@@ -77,7 +88,8 @@ class FastTest {
   bool Intersect(Vec3f p0, Vec3f p1, Vec3f p2, PrimHit& hit) const {
     const Terms<float> k = Compute<float>(Corners{{p0, p1, p2}});
     if (!Inside(k)) return false;
-    hit = {(k.e2[0] * k.q[0] + k.e2[1] * k.q[1] + k.e2[2] * k.q[2]) / k.det, k.u / k.det, k.v / k.det};
+    hit = {(k.e2[0] * k.q[0] + k.e2[1] * k.q[1] + k.e2[2] * k.q[2]) / k.det * scale_, k.u / k.det,
+           k.v / k.det};
     return true;
   }
 
@@ -100,37 +112,105 @@ class FastTest {
   }
 
   Vec3f org_, dir_;
+  float scale_ = 1;
 };
+
+/// a b - c d with the right sign. Nothing may over- or underflow.
+inline double DifferenceOfProducts(double a, double b, double c, double d) {
+  const double ab = a * b, cd = c * d;
+  return ab != cd ? ab - cd : std::fma(a, b, -ab) - std::fma(c, d, -cd);
+}
 
 /// The map into the space where the ray is the z axis (Woop, Benthin, Wald 2013): axes permuted, then
 /// sheared. The same vertex gives the same point there for every primitive it belongs to.
+///
+/// In float it errs by a few 2^-24 of a vertex's distances to the origin along the axes, as long as nothing
+/// underflows. Where the slope s of a ray that is nearly parallel to an axis does, or the origin is so far
+/// away that kTiny would not hold, all vertices are sheared in double instead. Where a product does and so
+/// counts, beside a difference as small, this vertex is.
 struct RayShear {
-  Vec3f org;
-  int kx, ky, kz;    ///< kz: the ray's main axis
-  float sx, sy, sz;  ///< sz: from the main axis to t
+  /// What underflow may change of an edge function of points sheared in float: a point that Point() has in
+  /// double differs by 2^-150 and lies within 2^-125 of the ray, all others within 2^35.
+  static constexpr float kTiny = 0x1p-88f;
+  static constexpr float kFarthest = 0x1p33f;
 
-  explicit RayShear(const rb_ray& ray) : org(LoadVec3(ray.org)) {
-    const Vec3f d = LoadVec3(ray.dir);
-    const float ax = std::fabs(d.x), ay = std::fabs(d.y), az = std::fabs(d.z);
+  Vec3f org, dir;
+  int kx, ky, kz;  ///< kz: the ray's main axis
+  float sx, sy;    ///< slopes; NaN: in double
+
+  explicit RayShear(const rb_ray& ray) : org(LoadVec3(ray.org)), dir(LoadVec3(ray.dir)) {
+    const float ax = std::fabs(dir.x), ay = std::fabs(dir.y), az = std::fabs(dir.z);
     kz = ax > ay ? (ax > az ? 0 : 2) : (ay > az ? 1 : 2);
     kx = kz == 2 ? 0 : kz + 1;
     ky = kx == 2 ? 0 : kx + 1;
-    sx = d[kx] / d[kz], sy = d[ky] / d[kz], sz = 1 / d[kz];
+    sx = dir[kx] / dir[kz], sy = dir[ky] / dir[kz];
+    const float farthest = std::max(std::fabs(org.x), std::max(std::fabs(org.y), std::fabs(org.z)));
+    const bool underflows =
+        (std::fabs(sx) < kMinNormal && dir[kx] != 0) | (std::fabs(sy) < kMinNormal && dir[ky] != 0);
+    if (underflows | (farthest > kFarthest)) [[unlikely]]
+      sx = sy = std::numeric_limits<float>::quiet_NaN();
   }
 
-  /// From a vertex's coordinates on the axes kx, ky, kz; z stays along the main axis, relative to the origin.
+  /// For filters, from a vertex's coordinates on the axes kx, ky, kz: what Point() says but for kTiny; x and
+  /// y are NaN where that is in double. z stays along the main axis, relative to the origin.
   template <class F>
   void Apply(F px, F py, F pz, F& x, F& y, F& z) const {
     z = pz - org[kz];
     x = (px - org[kx]) - sx * z;
     y = (py - org[ky]) - sy * z;
   }
+
+  /// The sheared vertex by which tests decide; where all are in double, x and y are in units of dir[kz].
+  Vec3d Point(Vec3f p) const {
+    if (std::isnan(sx)) [[unlikely]]
+      return PointInDouble(p);
+    const float z = p[kz] - org[kz];
+    return {Across(p[kx] - org[kx], sx, z), Across(p[ky] - org[ky], sy, z), z};
+  }
+  /// Without a division: two products and a difference a coordinate, exact where the bits suffice, as on a
+  /// lattice, and elsewhere off by 2^-52 of the vertex's distance; in units of dir[kz].
+  Vec3d PointInDouble(Vec3f p) const {
+    const Vec3d a = ToDouble(p) - ToDouble(org), d = ToDouble(dir);
+    return {DifferenceOfProducts(a[kx], d[kz], d[kx], a[kz]),
+            DifferenceOfProducts(a[ky], d[kz], d[ky], a[kz]), a[kz]};
+  }
+
+ private:
+  static constexpr float kMinNormal = std::numeric_limits<float>::min();
+
+  static double Across(float a, float s, float z) {
+    const float product = s * z;
+    if (std::max(std::fabs(a), std::fabs(product)) < kMinNormal) [[unlikely]]
+      return double(a) - double(s) * double(z);
+    return a - product;
+  }
 };
 
-/// Woop, Benthin, Wald (2013): vertices are sheared into a space where the ray is the z axis; the signs of
-/// the edge functions, the same two products for both triangles at an edge, are exact given the sheared
-/// vertices: a non-zero difference of rounded products has the right sign, a zero one is computed again in
-/// double, where products of floats are exact. Needs -ffp-contract=off.
+/// A triangle of sheared vertices (RayShear) against the z axis, edges included. The signs of the edge
+/// functions, the same two products for both triangles at an edge, are exact given these vertices. t weights
+/// the vertices' z, which suits slivers; where that leaves no more than rounding errors, as for a ray that
+/// starts in the triangle's plane, it is the plane's, which is exact on a lattice.
+inline bool IntersectSheared(const RayShear& ray, const Vec3d (&a)[3], Vec3f p0, Vec3f p1, Vec3f p2,
+                             PrimHit& hit) {
+  const double u = DifferenceOfProducts(a[2].x, a[1].y, a[2].y, a[1].x),
+               v = DifferenceOfProducts(a[0].x, a[2].y, a[0].y, a[2].x),
+               w = DifferenceOfProducts(a[1].x, a[0].y, a[1].y, a[0].x);
+  if ((u < 0 || v < 0 || w < 0) && (u > 0 || v > 0 || w > 0)) return false;
+  const double det = u + v + w;
+  if (det == 0) return false;
+  const double z = (u * a[0].z + v * a[1].z + w * a[2].z) / det;
+  double t = z / double(ray.dir[ray.kz]);
+  if (std::fabs(z) < 0x1p-48 * (std::fabs(a[0].z) + std::fabs(a[1].z) + std::fabs(a[2].z))) {
+    const Vec3d p = ToDouble(p0), normal = Cross(ToDouble(p1) - p, ToDouble(p2) - p);
+    const double along = Dot(normal, ToDouble(ray.dir));
+    if (along != 0) t = Dot(normal, p - ToDouble(ray.org)) / along;
+  }
+  hit = {float(t), float(v / det), float(w / det)};
+  return true;
+}
+
+/// Woop, Benthin, Wald (2013): vertices are sheared in float into a space where the ray is the z axis; edge
+/// functions are products of floats there, exact in double, and so are their signs. Needs -ffp-contract=off.
 class WatertightTest {
  public:
   static constexpr Numerics kNumerics = Numerics::kWatertight;
@@ -138,60 +218,24 @@ class WatertightTest {
 
   explicit WatertightTest(const rb_ray& ray) : shear_(ray) {}
 
-  /// Bit i: triangle i may be hit.
-  unsigned MayHit(Lanes v) const {
-    const Edges<Float4> e = Compute<Float4>(v);
-    const Float4 zero{};
-    const auto negative = (e.u < zero) | (e.v < zero) | (e.w < zero);
-    const auto positive = (e.u > zero) | (e.v > zero) | (e.w > zero);
+  /// Bit i: triangle i may be hit. A non-zero difference of rounded products has the right sign.
+  unsigned MayHit(Lanes p) const {
+    Float4 x[3], y[3], z;
+    for (int i = 0; i < 3; ++i)
+      shear_.Apply(p(i, shear_.kx), p(i, shear_.ky), p(i, shear_.kz), x[i], y[i], z);
+    const Float4 u = x[2] * y[1] - y[2] * x[1], v = x[0] * y[2] - y[0] * x[2], w = x[1] * y[0] - y[1] * x[0];
+    constexpr float kTiny = RayShear::kTiny;
+    const auto negative = (u < -kTiny) | (v < -kTiny) | (w < -kTiny);
+    const auto positive = (u > kTiny) | (v > kTiny) | (w > kTiny);
     return ~Mask(negative & positive) & 15u;
   }
 
   bool Intersect(Vec3f p0, Vec3f p1, Vec3f p2, PrimHit& hit) const {
-    const Edges<float> e = Compute<float>(Corners{{p0, p1, p2}});
-    if (e.u == 0 || e.v == 0 || e.w == 0) return Finish<double>(Again(e), e.z, hit);
-    return Finish<float>(e, e.z, hit);
+    const Vec3d a[3] = {shear_.Point(p0), shear_.Point(p1), shear_.Point(p2)};
+    return IntersectSheared(shear_, a, p0, p1, p2, hit);
   }
 
  private:
-  template <class F>
-  struct Edges {
-    F u, v, w;     // edge functions opposite p0, p1, p2
-    F x[3], y[3];  // sheared vertices
-    F z[3];        // along the ray's main axis, relative to the origin
-  };
-
-  template <class F, class Get>
-  Edges<F> Compute(Get p) const {
-    Edges<F> e;
-    for (int i = 0; i < 3; ++i)
-      shear_.Apply(p(i, shear_.kx), p(i, shear_.ky), p(i, shear_.kz), e.x[i], e.y[i], e.z[i]);
-    e.u = e.x[2] * e.y[1] - e.y[2] * e.x[1];
-    e.v = e.x[0] * e.y[2] - e.y[0] * e.x[2];
-    e.w = e.x[1] * e.y[0] - e.y[1] * e.x[0];
-    return e;
-  }
-
-  static Edges<double> Again(const Edges<float>& f) {
-    Edges<double> e;
-    for (int i = 0; i < 3; ++i) e.x[i] = f.x[i], e.y[i] = f.y[i], e.z[i] = f.z[i];
-    e.u = e.x[2] * e.y[1] - e.y[2] * e.x[1];
-    e.v = e.x[0] * e.y[2] - e.y[0] * e.x[2];
-    e.w = e.x[1] * e.y[0] - e.y[1] * e.x[0];
-    return e;
-  }
-
-  template <class F>
-  bool Finish(const Edges<F>& e, const float (&z)[3], PrimHit& hit) const {
-    if ((e.u < 0 || e.v < 0 || e.w < 0) && (e.u > 0 || e.v > 0 || e.w > 0)) return false;
-    const F det = e.u + e.v + e.w;
-    if (det == 0) return false;
-    // Weights first: products with edge functions, squares of lengths, underflow in small scenes.
-    const F u = e.u / det, v = e.v / det, w = e.w / det;
-    hit = {float((u * F(z[0]) + v * F(z[1]) + w * F(z[2])) * F(shear_.sz)), float(v), float(w)};
-    return true;
-  }
-
   RayShear shear_;
 };
 
@@ -221,58 +265,22 @@ class BoundedFilter {
     return ~Mask(negative & positive) & 15u;
   }
 
- private:
+ protected:
   RayShear shear_;
 };
 
-/// Woop's test in double, sheared without a division: two products and a difference a coordinate, exact where
-/// the bits suffice, as on a lattice, and elsewhere off by 2^-52 of the vertex's distance. Signs are exact
-/// given these: where two rounded products are equal, their rounding errors decide. t weights the vertices'
-/// z, which suits slivers; where that leaves no more than rounding errors, as for a ray that starts in the
-/// triangle's plane, it is the plane's, which is exact on a lattice.
+/// Woop's test in double.
 class DoubleTest : public BoundedFilter {
  public:
   static constexpr Numerics kNumerics = Numerics::kDouble;
   static constexpr Slack kSlack = Slack::kBothEnds;
 
-  explicit DoubleTest(const rb_ray& ray) : BoundedFilter(ray), org_(ToDouble(LoadVec3(ray.org))) {
-    const RayShear shear(ray);
-    kx_ = shear.kx, ky_ = shear.ky, kz_ = shear.kz;
-    dir_ = ToDouble(LoadVec3(ray.dir));
-  }
+  using BoundedFilter::BoundedFilter;
 
   bool Intersect(Vec3f p0, Vec3f p1, Vec3f p2, PrimHit& hit) const {
-    const Vec3d a[3] = {ToDouble(p0) - org_, ToDouble(p1) - org_, ToDouble(p2) - org_};
-    double x[3], y[3];
-    for (int i = 0; i < 3; ++i) {
-      x[i] = Edge(a[i][kx_], dir_[kz_], dir_[kx_], a[i][kz_]);
-      y[i] = Edge(a[i][ky_], dir_[kz_], dir_[ky_], a[i][kz_]);
-    }
-    const double u = Edge(x[2], y[1], y[2], x[1]), v = Edge(x[0], y[2], y[0], x[2]),
-                 w = Edge(x[1], y[0], y[1], x[0]);
-    if ((u < 0 || v < 0 || w < 0) && (u > 0 || v > 0 || w > 0)) return false;
-    const double det = u + v + w;
-    if (det == 0) return false;
-    const double z0 = a[0][kz_], z1 = a[1][kz_], z2 = a[2][kz_], z = (u * z0 + v * z1 + w * z2) / det;
-    double t = z / dir_[kz_];
-    if (std::fabs(z) < 0x1p-48 * (std::fabs(z0) + std::fabs(z1) + std::fabs(z2))) {
-      const Vec3d normal = Cross(ToDouble(p1) - ToDouble(p0), ToDouble(p2) - ToDouble(p0));
-      const double along = Dot(normal, dir_);
-      if (along != 0) t = Dot(normal, a[0]) / along;
-    }
-    hit = {float(t), float(v / det), float(w / det)};
-    return true;
+    const Vec3d a[3] = {shear_.PointInDouble(p0), shear_.PointInDouble(p1), shear_.PointInDouble(p2)};
+    return IntersectSheared(shear_, a, p0, p1, p2, hit);
   }
-
- private:
-  /// a b - c d with the right sign.
-  static double Edge(double a, double b, double c, double d) {
-    const double ab = a * b, cd = c * d;
-    return ab != cd ? ab - cd : std::fma(a, b, -ab) - std::fma(c, d, -cd);
-  }
-
-  Vec3d org_, dir_;
-  int kx_, ky_, kz_;
 };
 
 /// The truth: whether the ray meets the closed triangle by exact predicates behind a filter in double
@@ -284,7 +292,10 @@ class ExactTest : public BoundedFilter {
   static constexpr Slack kSlack = Slack::kBothEnds;
 
   explicit ExactTest(const rb_ray& ray)
-      : BoundedFilter(ray), line_(ray), tnear_(ray.tnear), tfar_(ray.tfar) {}
+      : BoundedFilter(ray),
+        line_(ray),
+        tnear_(ray.tnear),
+        last_(std::min(ray.tfar, std::numeric_limits<float>::max())) {}
 
   bool Intersect(Vec3f p0, Vec3f p1, Vec3f p2, PrimHit& hit) const {
     const exact::Corners p = {ToDouble(p0), ToDouble(p1), ToDouble(p2)};
@@ -293,10 +304,10 @@ class ExactTest : public BoundedFilter {
     const auto [t, error] = exact::PlaneApproximate(line_, p);
     hit.t = float(t), hit.beyond = 0;
     const bool rounds_surely = float(t - error) == float(t + error);  // false where the error is infinite
-    if (!rounds_surely || hit.t == tnear_ || hit.t == tfar_) {
+    if (!rounds_surely || hit.t == tnear_ || hit.t == last_) {
       const exact::Ratio ratio = exact::PlaneRatio(line_, p);
       hit.t = exact::RoundToFloat(ratio);
-      if (hit.t == tnear_ || hit.t == tfar_) hit.beyond = exact::Compare(ratio, hit.t);
+      if (hit.t == tnear_ || hit.t == last_) hit.beyond = exact::Compare(ratio, hit.t);
     }
     const Vec3d a = p[0] - line_.org, b = p[1] - line_.org, c = p[2] - line_.org;
     const double w0 = Dot(line_.dir, Cross(b, c)), w1 = Dot(line_.dir, Cross(c, a)),
@@ -307,7 +318,7 @@ class ExactTest : public BoundedFilter {
 
  private:
   exact::Line line_;
-  float tnear_, tfar_;
+  float tnear_, last_;  // no answer lies behind the largest float
 };
 
 /// Calls fn.operator()<Test>() with the test that the parameter names.

@@ -73,8 +73,8 @@ struct RayQuery {
   }
 };
 
-/// Traces a ray whose direction is too short or too long for 1/dir, scaled by a power of two to a length of
-/// about 1.
+/// For libraries that want directions of ordinary length: traces the ray with its direction scaled by a power
+/// of two to a length of about 1.
 /// A t that is no finite float in the ray's own units does not count; one that its interval's ends round onto
 /// stays inside.
 template <class Trace>
@@ -98,8 +98,7 @@ void TraceRescaled(RayQuery q, rb_hit& hit, Trace&& trace) {
 
 /// Loops a per-ray function over a batch: trace(any, ray, hit, counter), where `any` is std::true_type for
 /// RB_ANY. `hit` arrives as a miss at tfar. Invalid rays, which the host should not ask about, miss without
-/// being traced. Directions of extreme length are brought to length about 1 by a power of two, which is
-/// exact, so traversal need not fear over- and underflow of 1/dir.
+/// being traced. Directions have any length: 1/dir may over- and underflow (ray_bounds.h allows for it).
 template <class Counter, class Trace>
 void ForEachRay(const rb_query& query, Trace&& trace) {
   auto run = [&](auto any) {
@@ -109,11 +108,8 @@ void ForEachRay(const rb_query& query, Trace&& trace) {
       if (query.after != nullptr) q.after = query.after[i];
       Counter counter;
       rb_hit hit{q.ray.tfar, 0, 0, RAYBENCH_NONE};
-      if (IsRayWithin(q.ray, std::numeric_limits<float>::max(), 0x1p60f, 0x1p-60f)) [[likely]] {
+      if (IsValidRay(q.ray)) [[likely]]
         trace(any, q, hit, counter);
-      } else if (IsValidRay(q.ray)) {
-        TraceRescaled(q, hit, [&](const RayQuery& scaled) { trace(any, scaled, hit, counter); });
-      }
       if constexpr (any.value) {
         query.occluded[i] = hit.prim != RAYBENCH_NONE;
       } else {

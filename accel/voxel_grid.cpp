@@ -287,7 +287,8 @@ class Builder {
           const uint64_t bit = uint64_t{1} << Level::BitOf(c);
           if ((tile.mask & bit) == 0) continue;
           const size_t cell = tile.first + unsigned(__builtin_popcountll(tile.mask & (bit - 1)));
-          if (part.cells[cell].count > grid_.leaf_size) candidates.push_back({cell, part.level.InnerBox(c)});
+          if (part.cells[cell].count > grid_.leaf_size)
+            candidates.push_back({cell, part.level.InnerBox(c, insertion_.slack())});
         }
       }
     }

@@ -126,13 +126,15 @@ class VoxelGrid {
       for (int a = 0; a < 3; ++a) b.lo[a] = Wall(a, from[a]), b.hi[a] = Wall(a, to[a]);
       return b;
     }
-    /// What a grid inside cell c divides: the cell, rounded outward, since walls lie between floats.
-    Bounds3 InnerBox(const int32_t (&c)[3]) const {
+    /// What a grid inside cell c divides: the cell, rounded outward, since walls lie between floats, and by
+    /// as much larger as the walk may err about where its walls are.
+    Bounds3 InnerBox(const int32_t (&c)[3], double slack) const {
       constexpr float kInfinity = std::numeric_limits<float>::infinity();
       Bounds3 b;
       for (int a = 0; a < 3; ++a) {
-        b.lo[a] = std::max(std::nextafter(Wall(a, c[a]), -kInfinity), box.lo[a]);
-        b.hi[a] = std::min(std::nextafter(Wall(a, c[a] + 1), kInfinity), box.hi[a]);
+        const float lower = Wall(a, c[a]), upper = Wall(a, c[a] + 1);
+        b.lo[a] = std::max(std::min(std::nextafter(lower, -kInfinity), float(lower - slack)), box.lo[a]);
+        b.hi[a] = std::min(std::max(std::nextafter(upper, kInfinity), float(upper + slack)), box.hi[a]);
       }
       return b;
     }
@@ -187,7 +189,7 @@ class VoxelGrid::Walker {
       }
     }
 
-    const double begin = double(tnear) * (1 - 4 * kSlack);
+    const double begin = double(tnear) * (1 - 4 * kSlack) - kRounding;
     int32_t cell[3], step[3], stop[3];
     double next[3], wall[3], base[3], delta[3];  // the wall with index wall[a] is met at base + wall delta
     for (int a = 0; a < 3; ++a) {
@@ -205,7 +207,7 @@ class VoxelGrid::Walker {
       const bool xy = next[0] < next[1], xz = next[0] < next[2], yz = next[1] < next[2];
       const int a = xy ? (xz ? 0 : 2) : (yz ? 1 : 2);
       const double t = next[a];
-      if (t * (1 - kSlack) > double(best_.t)) return false;
+      if (t * (1 - kSlack) - kRounding > double(best_.t)) return false;
       if constexpr (kSlack > 0) {
         const double window = t * (1 + 2.5 * kSlack);
         const unsigned beside = (unsigned(next[0] <= window) | unsigned(next[1] <= window) << 1 |
@@ -224,6 +226,8 @@ class VoxelGrid::Walker {
 
  private:
   static constexpr double kSlack = Test::kSlack == Slack::kNone ? 0 : 40 * 0x1p-24;
+  /// Of a subnormal t, and the next float where that is tnear.
+  static constexpr double kRounding = kSlack > 0 ? 0x1p-148 : 0;
   static constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
   /// Whether the ray's interval, up to the best hit, meets the box; and where.

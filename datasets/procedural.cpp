@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "accel/exact.h"
 #include "accel/ray_bounds.h"
 #include "accel/ray_triangle.h"
 
@@ -38,8 +39,16 @@ bool InInterval(const rb_ray& ray, float t) { return t > ray.tnear && t <= ray.t
 
 Bounds3 BoundsOf(const Sphere& sphere) {
   const double r = std::fabs(sphere.radius);
-  const Vec3d center = ToDouble(sphere.center), reach{r, r, r};
-  return {RoundedDown(center - reach), RoundedUp(center + reach)};
+  Bounds3 box;
+  for (int a = 0; a < 3; ++a) {
+    // A small radius far from 0 is less than the rounding of a sum in double.
+    double below, above;
+    const double lo = exact::TwoSum(sphere.center[a], -r, below),
+                 hi = exact::TwoSum(sphere.center[a], r, above);
+    box.lo[a] = RoundedDown(below < 0 ? std::nextafter(lo, -HUGE_VAL) : lo);
+    box.hi[a] = RoundedUp(above > 0 ? std::nextafter(hi, HUGE_VAL) : hi);
+  }
+  return box;
 }
 
 /// The discriminant from the distance of the centre to the line and the roots from the product form, so that
@@ -188,9 +197,9 @@ PolygonPlane PlaneOf(std::span<const Vec3f> positions, std::span<const uint32_t>
 /// Whether an edge does depends on its two sheared vertices alone: one end has y > 0, the other has not, and
 /// the sign of an edge function that merely changes sign with the edge's direction. So the two faces at an
 /// edge agree about it, and of a closed surface an odd number of faces around any edge or vertex is met,
-/// however their vertices were rounded: no leak. The vertices are sheared in float, as the watertight
-/// triangle test does it, and products of floats are exact in double: the sign is the one that test finds.
-/// Therefore triangles and polygons that share an edge leave no leak either.
+/// however their vertices were rounded: no leak. The vertices are sheared as the watertight triangle test
+/// does it, and signs are exact given these. Therefore triangles and polygons that share an edge leave no
+/// leak either.
 bool Intersect(const PolygonPlane& plane, std::span<const Vec3f> positions, std::span<const uint32_t> corners,
                const rb_ray& ray, float& t) {
   float tnear, tfar;
@@ -198,23 +207,21 @@ bool Intersect(const PolygonPlane& plane, std::span<const Vec3f> positions, std:
   if (!(tnear <= tfar && tfar > ray.tnear && tnear <= ray.tfar)) return false;
 
   const RayShear shear(ray);
-  float zmin = kInfinity, zmax = -kInfinity;
-  const auto sheared = [&](uint32_t v, float& x, float& y) {
-    const Vec3f p = positions[v];
-    float z;
-    shear.Apply(p[shear.kx], p[shear.ky], p[shear.kz], x, y, z);
-    zmin = std::min(zmin, z), zmax = std::max(zmax, z);
+  double zmin = kInfinity, zmax = -kInfinity;
+  const auto sheared = [&](uint32_t v) {
+    const Vec3d p = shear.Point(positions[v]);
+    zmin = std::min(zmin, p.z), zmax = std::max(zmax, p.z);
+    return p;
   };
-  float ax, ay, bx, by;
-  sheared(corners.back(), ax, ay);
+  Vec3d a = sheared(corners.back());
   bool is_inside = false;
   for (uint32_t v : corners) {
-    sheared(v, bx, by);
-    if ((ay > 0) != (by > 0)) {
-      const double edge = double(ax) * double(by) - double(ay) * double(bx);
-      is_inside ^= by > 0 ? edge > 0 : edge < 0;
+    const Vec3d b = sheared(v);
+    if ((a.y > 0) != (b.y > 0)) {
+      const double edge = DifferenceOfProducts(a.x, b.y, a.y, b.x);
+      is_inside ^= b.y > 0 ? edge > 0 : edge < 0;
     }
-    ax = bx, ay = by;
+    a = b;
   }
   if (!is_inside) return false;
 

@@ -415,7 +415,7 @@ Verdict JudgingOracle::Judge(const rb_ray& ray, const Truth& truth, const rb_hit
   if (IsStrict(ray, truth, answer)) return Verdict::kExact;
   if (answer.prim == RAYBENCH_NONE) {
     if (!(answer.t == ray.tfar)) return truth.hit ? Verdict::kFalseMiss : Verdict::kFalseHit;
-    const Excuse excuse = PassedBefore(ray, ray.tfar);
+    const Excuse excuse = PassedBefore(ray, LastT(ray));
     return excuse == Excuse::kLeak    ? Verdict::kLeak
            : excuse == Excuse::kPlain ? Verdict::kFalseMiss
                                       : Verdict::kFalseMissMarginal;
@@ -446,7 +446,7 @@ Verdict JudgingOracle::Judge(const rb_ray& ray, const Truth& truth, const rb_hit
 Verdict JudgingOracle::JudgeAny(const rb_ray& ray, const Truth& truth, bool occluded) const {
   if (occluded == truth.hit || (occluded && truth.coplanar)) return Verdict::kExact;
   if (!occluded) {
-    const Excuse excuse = PassedBefore(ray, ray.tfar);
+    const Excuse excuse = PassedBefore(ray, LastT(ray));
     return excuse == Excuse::kLeak    ? Verdict::kLeak
            : excuse == Excuse::kPlain ? Verdict::kFalseMiss
                                       : Verdict::kFalseMissMarginal;

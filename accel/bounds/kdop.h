@@ -15,6 +15,9 @@
 // build the slabs are padded by 32 u E for the triangle's extent E, more than the 6 u E of a box along three
 // axes, and rounded outward.
 //
+// The ends along the axes are floats, rounded among subnormal ones by up to 2^-150: they may cross ends in
+// double by that.
+//
 // A computed t may lie anywhere in the primitive's box (ray_primitive.h), in the corners that are cut off,
 // too. So the oblique slabs decide whether the ray passes the polytope, and the axes alone where it enters:
 // only that is compared with t.
@@ -130,12 +133,14 @@ struct KdopBound {
             std::max(std::max(last_entry[0], last_entry[1]), std::max(last_entry[2], last_entry[3]));
         const double to =
             std::min(std::min(first_exit[0], first_exit[1]), std::min(first_exit[2], first_exit[3]));
-        return from <= to;
+        return from <= to + kRounding;
       }
       return true;
     }
 
    private:
+    static constexpr double kRounding = 0x1p-149;
+
     struct Vector {
       Long4 backward;  // n.d < 0: the upper plane is met first
       Double4 from, error, inv_near, inv_far, stays;

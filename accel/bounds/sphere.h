@@ -61,9 +61,10 @@ struct SphereBound {
       const double square = radius * radius - Dot(foot, foot);
       if (!(square >= 0)) return false;
       const double half = std::sqrt(square) * inv_length_;
-      // Towards smaller t: rounding to float must not move the entry behind a hit.
+      // Towards smaller t: rounding to float must not move the entry behind a hit. A subnormal entry may have
+      // been rounded up all the same, by 2^-150.
       entry = std::max(float((middle - half) * (1 - slack_)), tnear_);
-      return double(entry) <= middle + half && entry <= tfar;
+      return double(entry) <= middle + half + 0x1p-149 && entry <= tfar;
     }
 
    private:

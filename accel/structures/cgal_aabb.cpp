@@ -228,7 +228,12 @@ class CgalAabb {
   void Query(const rb_query& query) const {
     WithTree([&](const auto& tree) {
       ForEachRay<Counter>(query, [&](auto any, const RayQuery& q, rb_hit& best, Counter&) {
-        tree.template Trace<any.value>(q, best);
+        if (IsRayWithin(q.ray, std::numeric_limits<float>::max(), 0x1p60f, 0x1p-60f)) [[likely]] {
+          tree.template Trace<any.value>(q, best);
+        } else {
+          TraceRescaled(q, best,
+                        [&](const RayQuery& scaled) { tree.template Trace<any.value>(scaled, best); });
+        }
       });
       return 0;
     });
