@@ -5,6 +5,7 @@
 
 #include "harness/closed.h"
 #include "harness/commands.h"
+#include "harness/small_scenes.h"
 #include "harness/verify.h"
 
 namespace raybench {
@@ -44,6 +45,7 @@ Examples:
   raybench verify model.obj --plugin ./libmine.so --structures mine --sets aimed_edge,planes
   raybench verify model.obj --structures mine --rays verified/model-mine-closest.rays
   raybench verify "icosphere(level=6)" --structures bvh_sah --closed 100M --ledger ledger.json
+  raybench verify --all --rays 64K                               everything there is, for long
 Exit codes: 0 fine; 1 a claim, the contract or a tree is broken; 2 wrong input; 3 a structure could not be built;
 130 interrupted (what was judged or fired is shown, and recorded).)help";
 
@@ -51,8 +53,11 @@ void AddOptions(CLI::App& command, VerifyArguments& arguments) {
   VerifyOptions& verify = arguments.verify;
   command
       .add_option("scenes", verify.scenes, "Files, generators or fetched models (see: raybench list scenes)")
-      ->required()
       ->type_name("SCENE");
+  CLI::Option* all = command.add_flag(
+      "--all", verify.all,
+      "Every generator at about 3,000 primitives, every fetched model of at most 80,000, every structure at "
+      "each of its numerics: a table with a line a scene, and details only of what is broken");
   command
       .add_option("--structures", arguments.structures,
                   "Such as bvh_sah,embree(robust=true); default: one of each family, at each value of "
@@ -62,7 +67,7 @@ void AddOptions(CLI::App& command, VerifyArguments& arguments) {
       command
           .add_option("--rays", arguments.rays,
                       "A number: rays of a set, default 16K. A .rays file or a folder of them: judge these "
-                      "instead. May be repeated")
+                      "instead. May be repeated. With --all a number, default 2K")
           ->allow_extra_args(false)
           ->type_name("N|FILE");
   CLI::Option* sets =
@@ -94,6 +99,7 @@ void AddOptions(CLI::App& command, VerifyArguments& arguments) {
                             ->excludes(rays)
                             ->excludes(sets)
                             ->excludes(out)
+                            ->excludes(all)
                             ->type_name("OX,OY,OZ,TNEAR,DX,DY,DZ,TFAR");
   CLI::Option* closed = command
                             .add_option("--closed", verify.closed,
@@ -103,6 +109,7 @@ void AddOptions(CLI::App& command, VerifyArguments& arguments) {
                             ->excludes(rays)
                             ->excludes(sets)
                             ->excludes(out)
+                            ->excludes(all)
                             ->excludes(replay)
                             ->type_name("N");
   command
@@ -113,11 +120,31 @@ void AddOptions(CLI::App& command, VerifyArguments& arguments) {
   command.footer(kFooter);
 }
 
+constexpr uint64_t kSmallGenerated = 3000, kSmallModel = 80000, kRaysOfAll = 2048;
+
+void TakeAll(VerifyOptions& verify) {
+  if (!verify.scenes.empty())
+    throw InputError("verify --all takes every scene; name none, or leave --all out");
+  if (!verify.ray_files.empty()) throw InputError("verify --all makes its rays; --rays takes a number then");
+  SmallScenes scenes = EverySmallScene(kSmallGenerated, kSmallModel);
+  if (!scenes.not_fetched.empty())
+    fmt::print(stderr, "models that are not fetched are left out: {} (raybench fetch NAME gets one)\n",
+               fmt::join(scenes.not_fetched, ", "));
+  verify.scenes = std::move(scenes.names);
+  if (verify.structures.empty()) verify.structures = {"all"};
+  if (verify.rays == 0) verify.rays = kRaysOfAll;
+}
+
 int Verify(VerifyArguments& arguments, const Registry& registry, const Invocation& invocation) {
   VerifyOptions& verify = arguments.verify;
   if (arguments.structures) verify.structures = SplitSpecs(*arguments.structures);
   const RayWords rays = ReadRayWords(arguments.rays);
   verify.rays = rays.number, verify.ray_files = rays.files;
+  if (verify.all) {
+    TakeAll(verify);
+  } else if (verify.scenes.empty()) {
+    throw InputError("verify: name a scene, such as a file or \"icosphere(level=4)\", or say --all");
+  }
   if (!verify.ray_files.empty() && !verify.sets.empty())
     throw InputError("--sets is for sets that are made; --rays FILE names its own");
   verify.plugins = invocation.plugins;

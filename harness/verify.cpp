@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
@@ -21,6 +22,7 @@
 #include "harness/ray_aim.h"
 #include "harness/ray_sets.h"
 #include "harness/run_facts.h"
+#include "harness/table.h"
 #include "harness/truth_cache.h"
 #include "harness/verify_report.h"
 #include "tracer/ray_file.h"
@@ -79,6 +81,39 @@ struct Entrant {
   std::vector<Kept> kept;
 };
 
+/// What a scene's trees answered: those of a claim apart.
+struct SceneSum {
+  std::string scene;
+  uint64_t primitives = 0;
+  double seconds = 0;
+  uint64_t trees = 0, without = 0, broken = 0, answers = 0;
+  uint64_t watertight = 0, leaks = 0, plain = 0, exact = 0, loose = 0;
+
+  void Add(const VerifiedTree& tree) {
+    (tree.skipped.empty() ? trees : without) += 1;
+    broken += tree.Broken() ? 1 : 0;
+    for (const VerdictRow& row : tree.rows) {
+      answers += row.counts.rays;
+      if (tree.claim == RB_CLAIM_WATERTIGHT)
+        watertight += row.counts.rays, leaks += row.counts.leaks(), plain += row.counts.plain_errors();
+      if (tree.claim == RB_CLAIM_EXACT)
+        exact += row.counts.rays, loose += row.counts.rays - row.counts.strict;
+    }
+  }
+  void Add(const SceneSum& s) {
+    primitives += s.primitives, seconds += s.seconds, trees += s.trees, without += s.without;
+    broken += s.broken, answers += s.answers, watertight += s.watertight, leaks += s.leaks;
+    plain += s.plain, exact += s.exact, loose += s.loose;
+  }
+  std::vector<std::string> Row() const {
+    std::vector<std::string> row{scene};
+    for (uint64_t n : {primitives, trees, without, answers, watertight, leaks, plain, exact, loose, broken})
+      row.push_back(std::to_string(n));
+    row.push_back(fmt::format("{:.0f}", seconds));
+    return row;
+  }
+};
+
 class Verification {
  public:
   Verification(const Registry& registry, const VerifyOptions& options)
@@ -103,15 +138,17 @@ class Verification {
     MakeOut();
     bool interrupted = false;
     for (scene_index_ = 0; scene_index_ < scenes_.size() && !interrupted; ++scene_index_) {
+      const auto start = std::chrono::steady_clock::now();
       try {
         VerifyScene();
       } catch (const std::exception&) {
         if (!Interrupted()) throw;
         interrupted = true;
       }
-      Report();
+      Report(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
     }
     if (!options_.out.empty()) WriteFiles(interrupted);
+    if (options_.all) fmt::print("{}\n", SumUp());
     if (interrupted) {
       fmt::print(stderr, "interrupted: what was judged until then stands above\n");
       return 130;
@@ -147,10 +184,11 @@ class Verification {
     Update("preparing truth");
     oracle_ = MakeOracle(scene());
     BuildAll();
+    ThinLinear();
     const std::vector<Source> sources = SharedSources();
     const uint64_t planes =
         std::count_if(planes_.begin(), planes_.end(), [](const AimedSet& set) { return set.absent.empty(); });
-    const uint64_t rays = RaysPerSet();
+    const uint64_t rays = options_.RaysPerSet();
     done_ = 0, work_ = double(planes) * double(rays);
     for (const Source& source : sources) work_ += double(source.count);
     for (Source source : sources) {
@@ -238,21 +276,19 @@ class Verification {
     return sources;
   }
 
-  /// As asked for; what is linear gets a part by default.
-  uint64_t RaysPerSet() {
-    const uint64_t rays = options_.RaysPerSet();
-    const double primitives = double(scene().primitive_count());
+  /// What is linear and not named gets a part of the rays.
+  void ThinLinear() {
+    if (!options_.structures.empty() && options_.structures != std::vector<std::string>{"all"}) return;
+    const double tests = double(options_.RaysPerSet()) * double(scene().primitive_count());
     for (Entrant& entrant : entrants_) {
       if ((entrant.result.contestant.structure->capabilities & RB_LINEAR) == 0 || !entrant.tree) continue;
-      if (!options_.structures.empty()) continue;
-      entrant.stride = uint64_t(std::max(1.0, std::ceil(double(rays) * primitives / kLinearBudget)));
+      entrant.stride = uint64_t(std::max(1.0, std::ceil(tests / kLinearBudget)));
       if (entrant.stride > 1)
         entrant.result.notes.push_back(
             fmt::format("gets one ray of {}, since it takes each to every primitive; when named by "
                         "--structures it gets all",
                         entrant.stride));
     }
-    return rays;
   }
 
   // ---- verdicts ----
@@ -323,7 +359,7 @@ class Verification {
 
   // ---- results ----
 
-  void Report() {
+  void Report(double seconds) {
     progress_.Clear();
     const ReplayContext context{scene_name(), options_.seed, options_.plugins, options_.drop_bad};
     std::string text =
@@ -333,6 +369,7 @@ class Verification {
     if (scene().scale_exponent != 0)
       text += fmt::format("  coordinates below are those of the file times 2^{}\n", scene().scale_exponent);
     for (const std::string& note : absent_) text += fmt::format("  {}\n", note);
+    SceneSum sum{scene_name(), scene().primitive_count(), seconds};
     for (Entrant& entrant : entrants_) {
       VerifiedTree& result = entrant.result;
       // The worst first, and of the same badness one of each set before the second of any.
@@ -341,12 +378,31 @@ class Verification {
       });
       for (Kept& kept : entrant.kept)
         if (result.examples.size() < options_.examples) result.examples.push_back(std::move(kept.example));
-      text += "\n" + FormatVerified(result, context);
+      if (!options_.all || result.Broken()) text += "\n" + FormatVerified(result, context);
       broken_ |= result.Broken();
+      sum.Add(result);
     }
-    fmt::print("{}\n", text);
+    // Of all scenes only what is broken needs its table; the others are a line in the last one.
+    if (!options_.all || sum.broken > 0) fmt::print("{}\n", text);
+    if (options_.all)
+      progress_.Say(fmt::format("{}: {} answers of {} trees, {} broken, {}", sum.scene, sum.answers,
+                                sum.trees, sum.broken, FormatDuration(seconds)));
+    sums_.push_back(std::move(sum));
     std::fflush(stdout);
     if (!options_.out.empty()) Keep();
+  }
+
+  /// What was run, and what came of it, a line a scene.
+  std::string SumUp() const {
+    Grid table({"scene", "primitives", "trees", "without", "answers", "of watertight", "leaks",
+                "plain errors", "of exact", "not exact", "broken", "s"});
+    SceneSum total{"all", 0, 0};
+    for (const SceneSum& s : sums_) {
+      table.Add(s.Row());
+      total.Add(s);
+    }
+    table.Add(total.Row());
+    return table.Format(1, 150);
   }
 
   /// For the files: what outlives the scene's trees.
@@ -428,6 +484,7 @@ class Verification {
   bool broken_ = false, inconclusive_ = false;
   Json examples_ = Json::array(), scene_facts_ = Json::array();
   std::vector<Json> rows_;
+  std::vector<SceneSum> sums_;
 
   // Of the current scene.
   std::unique_ptr<Oracle> oracle_;

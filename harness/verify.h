@@ -13,6 +13,7 @@ namespace raybench {
 
 struct VerifyOptions {
   std::vector<std::string> scenes;
+  bool all = false;  ///< a line for each scene, and its table only where something is broken
   std::vector<std::string> structures;  ///< as EveryArithmetic() takes them
   std::vector<std::string> sets;        ///< of AimedSetNames(); empty: all
   std::vector<std::string> ray_files;   ///< .rays files or folders of them, judged instead of the sets

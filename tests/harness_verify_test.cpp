@@ -11,6 +11,7 @@
 #include "harness/ray_aim.h"
 #include "harness/verify.h"
 #include "tests/command.h"
+#include "tests/effort.h"
 
 namespace raybench {
 namespace {
@@ -37,6 +38,47 @@ class HarnessVerify : public HarnessCommand {
   }
   static uint64_t Number(const Row& row, const std::string& column) { return std::stoull(row.at(column)); }
 };
+
+/// Short; by hand it takes more rays, and the models that are fetched.
+TEST_F(HarnessVerify, AllTakesEveryGeneratorEveryStructureAndEachOfItsNumerics) {
+  setenv("RAYBENCH_CACHE", In("cache").c_str(), 1);
+  std::vector<std::string> words{"--all", "--rays", "64", "--out", In("out")};
+  const Registry registry;
+  std::set<std::string> structures;
+  if (testing::kSanitized) {
+    structures = {"bvh_sah", "grid", "kdtree_sah"};
+    words.insert(words.end(), {"--structures", "bvh_sah,grid,kdtree_sah"});
+  } else {
+    for (const rb_structure* s : registry.structures()) structures.insert(s->name);
+    structures.erase("null");
+  }
+  const Outcome outcome = Verify(words);
+  unsetenv("RAYBENCH_CACHE");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.out << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("models that are not fetched are left out: dungeon, "));
+  std::set<std::string> judged, scenes;
+  for (const Row& row : ReadCsv(folder_ / "out" / "verdicts.csv")) {
+    judged.insert(row.at("spec").substr(0, row.at("spec").find('(')));
+    scenes.insert(row.at("scene").substr(0, row.at("scene").find('(')));
+    EXPECT_LE(Number(row, "primitives"), 3000u);
+  }
+  EXPECT_EQ(judged, structures);
+  for (const Generator* generator : Generators()) {
+    EXPECT_THAT(scenes, ::testing::Contains(generator->name));
+    EXPECT_THAT(outcome.out, HasSubstr(fmt::format("\n{}(", generator->name)));
+  }
+  EXPECT_THAT(Verify({"--all", kBall}).err, HasSubstr("name none"));
+  EXPECT_EQ(Verify({"--all", "--rays", In("no.rays")}).exit_code, 2);
+  EXPECT_EQ(Verify({"--rays", "64"}).exit_code, 2);
+}
+
+/// Faces at coordinate 0 have rays with subnormal components beside them.
+TEST_F(HarnessVerify, GrazingRaysOfTheStadiumKeepEveryClaim) {
+  const Outcome outcome =
+      Verify({"stadium(size=1000)", "--sets", "grazing", "--rays", testing::kSanitized ? "2K" : "32K",
+              "--structures", "bvh_sah,kdtree_sah,grid,octree,kdop,bvh_sphere,quadtree,bvh_spatial"});
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.out;
+}
 
 TEST_F(HarnessVerify, WatertightHoldsOnEverySetAndFastDoesNot) {
   const Outcome outcome =
