@@ -25,7 +25,7 @@ struct Truth {
                           ///< side: hit and miss are both right for it; such a primitive is never in `tied`
   double t = 0;           ///< exact t of the nearest hit, rounded to double
   float t_rounded = 0;    ///< the exact t correctly rounded to float (ties to even; it is at most tfar and
-                        ///< finite); the float after tnear where that is tnear, which no answer may be
+                          ///< finite); the float after tnear where that is tnear, which no answer may be
   uint32_t first = RAYBENCH_NONE;  ///< lowest id of all primitives whose t, so rounded, is t_rounded: the
                                    ///< answer by the contract's order (float t, prim), perhaps not in `tied`
   std::vector<uint32_t> tied;      ///< every primitive hit at exactly that t, ascending; empty on a miss
