@@ -93,8 +93,27 @@ Scene Generate(const Generator& generator, const Spec& spec, const LoadOptions& 
   return scene;
 }
 
-/// "subdivide(SCENE,levels=2)" -> "SCENE" and "subdivide(levels=2)". The scene is what stands before the
-/// first comma outside parentheses.
+/// Without blanks around it.
+std::string Trimmed(const std::string& text) {
+  const size_t first = text.find_first_not_of(' ');
+  return first == text.npos ? "" : text.substr(first, text.find_last_not_of(' ') - first + 1);
+}
+
+/// Where in "SCENE,key=value,..." the scene ends: the longest beginning that is a file which is there, so
+/// that a file's name may have commas and parentheses, else the first comma outside parentheses.
+size_t EndOfScene(const std::string& inside) {
+  for (size_t end = inside.size(); end != inside.npos && end > 0; end = inside.rfind(',', end - 1)) {
+    const std::filesystem::path path(Trimmed(inside.substr(0, end)));
+    std::error_code error;
+    if (FindFormat(path) != nullptr && std::filesystem::is_regular_file(path, error)) return end;
+  }
+  size_t end = 0;
+  for (int depth = 0; end < inside.size() && (depth > 0 || inside[end] != ','); ++end)
+    depth += inside[end] == '(' ? 1 : inside[end] == ')' ? -1 : 0;
+  return end;
+}
+
+/// "subdivide(SCENE,levels=2)" -> "SCENE" and "subdivide(levels=2)".
 std::pair<std::string, std::string> SplitModified(const Modifier& modifier, const std::string& text) {
   const std::string usage =
       fmt::format("write {}(SCENE) or {}(SCENE,key=value,...)", modifier.name, modifier.name);
@@ -102,16 +121,13 @@ std::pair<std::string, std::string> SplitModified(const Modifier& modifier, cons
   if (open == text.npos || text.back() != ')')
     throw InputError(fmt::format("'{}': {}", OneLine(text), usage));
   const std::string inside = text.substr(open + 1, text.size() - open - 2);
-  size_t end = 0;
-  for (int depth = 0; end < inside.size() && (depth > 0 || inside[end] != ','); ++end)
-    depth += inside[end] == '(' ? 1 : inside[end] == ')' ? -1 : 0;
-  const size_t first = inside.find_first_not_of(' '), last = inside.substr(0, end).find_last_not_of(' ');
-  if (first >= end || last == inside.npos)
-    throw InputError(fmt::format("'{}': the scene is missing; {}", OneLine(text), usage));
+  const size_t end = EndOfScene(inside);
+  const std::string scene = Trimmed(inside.substr(0, end));
+  if (scene.empty()) throw InputError(fmt::format("'{}': the scene is missing; {}", OneLine(text), usage));
   const std::string rest = end < inside.size() ? inside.substr(end + 1) : "";
   if (end < inside.size() && rest.find_first_not_of(' ') == rest.npos)
     throw InputError(fmt::format("'{}': nothing follows the last comma", OneLine(text)));
-  return {inside.substr(first, last - first + 1), fmt::format("{}({})", modifier.name, rest)};
+  return {scene, fmt::format("{}({})", modifier.name, rest)};
 }
 
 Scene Modify(const Modifier& modifier, const std::string& text, const LoadOptions& options) {
@@ -159,7 +175,14 @@ Scene LoadScene(const std::string& name, const LoadOptions& options) {
     if (options.progress) options.progress(1);
     return scene;
   };
-  // Names of ours go first; a file of the same name is reached as ./NAME.
+  // What ends like a file is one, whatever it begins like.
+  const std::filesystem::path path(name);
+  if (const Format* format = FindFormat(path)) {
+    Scene scene = ReadModel(path, *format, options);
+    scene.name = path.filename().string();
+    scene.provenance.sha256 = Sha256OfFile(path);
+    return told(std::move(scene));
+  }
   std::string stem = name.substr(0, name.find('('));
   for (const Generator* generator : Generators())
     if (stem == generator->name) return told(Generate(*generator, ParseSpec(name), options));
@@ -171,13 +194,6 @@ Scene LoadScene(const std::string& name, const LoadOptions& options) {
       return told(LoadFetched(entry, options));
     }
 
-  std::filesystem::path path(name);
-  if (const Format* format = FindFormat(path)) {
-    Scene scene = ReadModel(path, *format, options);
-    scene.name = path.filename().string();
-    scene.provenance.sha256 = Sha256OfFile(path);
-    return told(std::move(scene));
-  }
   std::error_code ignored;
   if (std::filesystem::is_directory(path, ignored))
     throw InputError(fmt::format("{}: is a directory; a file is needed ({})", name, Extensions()));

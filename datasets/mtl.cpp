@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <fstream>
 #include <optional>
 #include <set>
 
@@ -70,6 +69,18 @@ std::optional<float> Scalar(Words words, float least, float most) {
   return std::clamp(x, least, most);
 }
 
+/// `Tr` as an opacity.
+std::optional<float> Transparency(Words words) {
+  const std::optional<float> transparency = Scalar(words, 0, 1);
+  return transparency ? std::optional(1 - *transparency) : std::nullopt;
+}
+
+/// `illum`.
+std::optional<int> Model(Words words) {
+  const std::optional<float> model = Scalar(words, 0, 10);
+  return model ? std::optional(int(*model)) : std::nullopt;
+}
+
 /// What may stand before the file's name of a texture statement.
 struct Option {
   std::string_view name;
@@ -109,48 +120,60 @@ MtlMap Map(Words words, const std::filesystem::path& folder, std::set<std::strin
 
 }  // namespace
 
-bool ReadMtl(const std::filesystem::path& path, MtlLibrary& library, std::vector<std::string>& notes) {
-  std::ifstream in(path);
-  if (!in) return false;
+void ReadMtl(const std::filesystem::path& path, MtlLibrary& library, std::vector<std::string>& notes) {
+  const std::string text = ReadText(path);
   std::set<std::string, std::less<>> ignored, skipped;
+  Counts unused, malformed;
   Statements s;
-  std::string line, name;
+  std::string name;
   bool is_open = false;
   const auto close = [&] {
     if (!is_open) return;
     MtlMaterial& material = library[name] = ToModel(s);
     material.material.name = name;
   };
-  while (std::getline(in, line)) {
+  std::string_view line;
+  for (Lines lines(text); lines.Next(line);) {
     Words words(line);
     const std::string_view key = words.Next();
+    if (key.empty() || key.starts_with('#')) continue;
     if (key == "newmtl") {
       close();
       name = words.Rest(), s = {}, is_open = true;
       continue;
     }
-    if (!is_open || key.empty()) continue;
-    const auto set = [](auto& to, const auto& value) {
-      if (value) to = *value;
-    };
-    if (key == "Kd") set(s.kd, Color(words, 1));
-    if (key == "Ks") set(s.ks, Color(words, 1));
-    if (key == "Tf") set(s.tf, Color(words, 1));
-    if (key == "Ke") set(s.ke, Color(words, 1e30f));
-    if (key == "Ns") set(s.ns, Scalar(words, 1, 1e4f));
-    if (key == "Ni") set(s.ni, Scalar(words, 1, 10));
-    if (key == "d") set(s.opacity, Scalar(words, 0, 1));
-    if (key == "Tr")
-      if (const auto transparency = Scalar(words, 0, 1)) s.opacity = 1 - *transparency;
-    if (key == "illum")
-      if (const auto model = Scalar(words, 0, 10)) s.illum = int(*model);
-    if (key == "map_Kd")
+    if (!is_open) {
+      unused.Add(fmt::format("{} before the first newmtl", key));
+      continue;
+    }
+    const auto set = [&](auto& to, const auto& value) { value ? void(to = *value) : malformed.Add(key); };
+    if (key == "Kd")
+      set(s.kd, Color(words, 1));
+    else if (key == "Ks")
+      set(s.ks, Color(words, 1));
+    else if (key == "Tf")
+      set(s.tf, Color(words, 1));
+    else if (key == "Ke")
+      set(s.ke, Color(words, 1e30f));
+    else if (key == "Ns")
+      set(s.ns, Scalar(words, 1, 1e4f));
+    else if (key == "Ni")
+      set(s.ni, Scalar(words, 1, 10));
+    else if (key == "d")
+      set(s.opacity, Scalar(words, 0, 1));
+    else if (key == "Tr")
+      set(s.opacity, Transparency(words));
+    else if (key == "illum")
+      set(s.illum, Model(words));
+    else if (key == "map_Kd")
       s.map_kd = Map(words, path.parent_path(), skipped);
     else if (key == "map_Ke")
       s.map_ke = Map(words, path.parent_path(), skipped);
     else if (key.starts_with("map_") || key == "bump" || key == "disp" || key == "decal" || key == "refl" ||
              key == "norm")
       ignored.insert(std::string(key));
+    else if (key != "Ka")  // MATERIALS.md
+      unused.Add(key);
   }
   close();
   const auto note = [&](const char* what, const auto& items) {
@@ -160,7 +183,12 @@ bool ReadMtl(const std::filesystem::path& path, MtlLibrary& library, std::vector
   };
   note("textures not applied", ignored);
   note("options of textures not applied", skipped);
-  return true;
+  const auto count = [&](const char* what, const Counts& counts) {
+    if (!counts.empty())
+      notes.push_back(OneLine(fmt::format("{}: {}: {}", path.filename().string(), what, counts.Text())));
+  };
+  count("statements not followed", unused);
+  count("statements passed over, for their values do not parse", malformed);
 }
 
 }  // namespace raybench

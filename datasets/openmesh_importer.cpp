@@ -100,9 +100,8 @@ class SceneImporter final : public OpenMesh::IO::BaseImporter {
 
  private:
   void SpoilBadVertices() {
-    constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
-    for (uint32_t v : mesh_.bad_vertices)
-      if (v < scene_.positions.size()) scene_.positions[v] = {kNan, kNan, kNan};
+    for (const auto& [v, position] : mesh_.bad_vertices)
+      if (v < scene_.positions.size()) scene_.positions[v] = position;
   }
 
   void AddFace(std::span<const uint32_t> corners) {

@@ -29,9 +29,10 @@ struct CleanMesh {
 
   std::string text;  ///< what OpenMesh reads
   uint64_t vertices = 0, faces = 0;
-  std::vector<uint32_t> bad_vertices;  ///< not finite, which drop_bad keeps until Finish(); 0 0 0 in `text`
-  std::vector<HeldBack> held_back;     ///< by face
-  std::vector<Use> materials;          ///< by face; material 0 before the first
+  /// Not finite, which drop_bad keeps until Finish(); 0 0 0 in `text`.
+  std::vector<std::pair<uint32_t, Vec3f>> bad_vertices;
+  std::vector<HeldBack> held_back;  ///< by face
+  std::vector<Use> materials;       ///< by face; material 0 before the first
 };
 
 /// Runs an OpenMesh reader over the prepared text, fills positions and triangles of the scene, and tells

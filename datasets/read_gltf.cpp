@@ -78,6 +78,7 @@ class GltfReader {
     Walk();
     Prepare();
     Fill();
+    TakeFileHash();
     AddNotes();
     if (scene_.triangles.empty())
       Fail(fmt::format("has no triangles in its default scene{}",
@@ -164,7 +165,7 @@ class GltfReader {
     struct Step {
       int node, parent;
     };
-    std::vector<bool> seen(model_.nodes.size());
+    std::vector<bool> seen(model_.nodes.size()), is_hidden(model_.nodes.size());
     std::vector<Affine> world(model_.nodes.size());
     std::vector<Step> stack;
     const std::vector<int> roots = Roots();
@@ -179,13 +180,27 @@ class GltfReader {
       const Affine local = LocalTransform(node, step.node);
       const Affine& to_world = world[size_t(step.node)] =
           step.parent < 0 ? local : world[size_t(step.parent)] * local;
-      if (node.mesh >= 0) AddInstances(node, step.node, to_world);
+      // A node that is not visible hides all below it.
+      is_hidden[size_t(step.node)] =
+          (step.parent >= 0 && is_hidden[size_t(step.parent)]) || IsInvisible(node);
+      if (is_hidden[size_t(step.node)]) {
+        hidden_meshes_ += node.mesh >= 0;
+      } else if (node.mesh >= 0) {
+        AddInstances(node, step.node, to_world);
+      }
       if (node.camera >= 0) AddCamera(At(model_.cameras, node.camera, "camera"), to_world, step.node);
-      if (auto it = node.extensions.find("KHR_lights_punctual"); it != node.extensions.end())
+      if (auto it = node.extensions.find("KHR_lights_punctual");
+          it != node.extensions.end() && !is_hidden[size_t(step.node)])
         AddLight(GltfIndex(it->second, "light", -1), to_world, step.node);
       for (auto it = node.children.rbegin(); it != node.children.rend(); ++it)
         stack.push_back({*it, step.node});
     }
+  }
+
+  static bool IsInvisible(const tinygltf::Node& node) {
+    const auto extension = node.extensions.find("KHR_node_visibility");
+    if (extension == node.extensions.end() || !extension->second.Has("visible")) return false;
+    return !extension->second.Get("visible").Get<bool>();
   }
 
   Affine LocalTransform(const tinygltf::Node& node, int index) const {
@@ -330,6 +345,10 @@ class GltfReader {
       return {positions, normals, uvs, uvs >= 0 && lookup->mapped ? int64_t(material) : -1};
     }
   };
+  /// Vertices that were added together; where those of the same accessor and instance were added first.
+  struct Block {
+    uint32_t start, of_file;
+  };
   struct Mesh {
     std::vector<Part> parts;
     uint64_t vertices = 0, triangles = 0;
@@ -410,8 +429,8 @@ class GltfReader {
         part.triangles = part.corners < 3 ? 0 : part.corners - 2;
       } else {
         if (part.corners % 3 != 0 && !options_.drop_bad)
-          Fail(fmt::format("primitive {} of mesh {} has triangles of {} indices; a multiple of 3 is needed",
-                           i, index, part.corners));
+          Fail(fmt::format("primitive {} of mesh {} has triangles of {} indices; a multiple of 3 is needed{}",
+                           i, index, part.corners, kOrDropBad));
         part.triangles = part.corners / 3;
       }
       if (part.triangles == 0) continue;
@@ -470,15 +489,43 @@ class GltfReader {
   void Fill() {
     for (const Instance& instance : instances_) {
       std::map<std::array<int64_t, 4>, uint32_t> first;  // where each key's vertices start
+      std::map<int, uint32_t> of_file;                   // and each accessor's, when they were first added
       for (const Part& part : MeshOf(instance.mesh).parts) {
         auto [it, is_new] =
             first.try_emplace(part.Key(LookupOf(part.material)), uint32_t(scene_.positions.size()));
-        if (is_new) AddVertices(part, instance);
+        if (is_new) {
+          blocks_.push_back({it->second, of_file.try_emplace(part.positions, it->second).first->second});
+          AddVertices(part, instance);
+        }
         AddTriangles(part, instance, it->second);
         if (options_.progress)
           options_.progress(double(scene_.triangles.size()) / double(scene_.stats.faces));
       }
     }
+  }
+
+  /// The hash is of vertices that were added for their places, not again for other looks: whether those are
+  /// wanted depends on pictures that may be missing.
+  void TakeFileHash() {
+    const auto is_copy = [](const Block& block) { return block.start != block.of_file; };
+    if (std::none_of(blocks_.begin(), blocks_.end(), is_copy)) return scene_.TakeHash();
+    std::vector<uint32_t> number(scene_.positions.size());
+    std::vector<Vec3f> positions;
+    for (size_t b = 0; b < blocks_.size(); ++b) {
+      const size_t end = b + 1 < blocks_.size() ? blocks_[b + 1].start : number.size();
+      for (size_t v = blocks_[b].start; v < end; ++v) {
+        number[v] = is_copy(blocks_[b]) ? number[blocks_[b].of_file + (v - blocks_[b].start)]
+                                        : uint32_t(positions.size());
+        if (!is_copy(blocks_[b])) positions.push_back(scene_.positions[v]);
+      }
+    }
+    std::vector<std::array<uint32_t, 3>> triangles = scene_.triangles;
+    for (std::array<uint32_t, 3>& t : triangles)
+      for (uint32_t& v : t)
+        if (v < number.size()) v = number[v];
+    scene_.positions.swap(positions), scene_.triangles.swap(triangles);
+    scene_.TakeHash();
+    scene_.positions.swap(positions), scene_.triangles.swap(triangles);
   }
 
   void AddVertices(const Part& part, const Instance& instance) {
@@ -488,11 +535,12 @@ class GltfReader {
       const std::array<float, 3>& p = positions[i];
       const Vec3f at = ToFloat(instance.to_world.Point({p[0], p[1], p[2]}));
       if (!(std::isfinite(at.x) && std::isfinite(at.y) && std::isfinite(at.z)) && !options_.drop_bad)
-        Fail(fmt::format("vertex {} of accessor {} (POSITION) is ({}, {}, {}){}; coordinates must be finite",
-                         i, part.positions, p[0], p[1], p[2],
-                         std::isfinite(p[0] + p[1] + p[2])
-                             ? fmt::format(", beyond float under node {}", instance.node)
-                             : ""));
+        Fail(fmt::format(
+            "vertex {} of accessor {} (POSITION) is ({}, {}, {}){}; coordinates must be finite{}", i,
+            part.positions, p[0], p[1], p[2],
+            std::isfinite(p[0] + p[1] + p[2]) ? fmt::format(", beyond float under node {}", instance.node)
+                                              : "",
+            kOrDropBad));
       scene_.positions.push_back(at);
     }
     if (part.normals >= 0) {
@@ -520,8 +568,8 @@ class GltfReader {
           corners[i] += first;
         } else {
           if (!options_.drop_bad)
-            Fail(fmt::format("element {} of accessor {} (indices) refers to vertex {}; allowed are 0 to {}",
-                             i, part.indices, corners[i], int64_t(part.vertices) - 1));
+            Fail(fmt::format("element {} of accessor {} (indices) refers to vertex {}; allowed are 0 to {}{}",
+                             i, part.indices, corners[i], int64_t(part.vertices) - 1, kOrDropBad));
           corners[i] = RAYBENCH_NONE;  // for Scene::Finish()
         }
       }
@@ -571,6 +619,7 @@ class GltfReader {
     leave(line_primitives_, "primitive of lines", "primitives of lines");
     leave(without_positions_, "primitive without positions", "primitives without positions");
     leave(unused_meshes_, "mesh that no node of the scene uses", "meshes that no node of the scene uses");
+    leave(hidden_meshes_, "mesh of a node that is not visible", "meshes of nodes that are not visible");
     leave(orthographic_cameras_, "orthographic camera", "orthographic cameras");
     if (!left.empty()) Note("left out: " + left);
     if (const std::string ignored = GltfIgnoredExtensions(model_.materials); !ignored.empty())
@@ -592,10 +641,11 @@ class GltfReader {
   std::vector<std::optional<GltfLookup>> lookups_;  // by material; see LookupOf()
   std::vector<Instance> instances_;
   std::map<int, Mesh> meshes_;
+  std::vector<Block> blocks_;
   std::string left_out_;
   bool has_normals_ = false, has_uvs_ = false, morph_targets_ = false;
   uint64_t point_primitives_ = 0, line_primitives_ = 0, without_positions_ = 0, without_uvs_ = 0,
-           unused_meshes_ = 0, orthographic_cameras_ = 0;
+           unused_meshes_ = 0, orthographic_cameras_ = 0, hidden_meshes_ = 0;
 };
 
 }  // namespace

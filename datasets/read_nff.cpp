@@ -84,7 +84,7 @@ class NffReader {
  public:
   NffReader(const std::filesystem::path& path, const LoadOptions& options)
       : path_(path.string()),
-        text_(ReadFile(path)),
+        text_(ReadText(path)),
         p_(text_.data()),
         end_(p_ + text_.size()),
         options_(options),
@@ -169,15 +169,15 @@ class NffReader {
     if (error == std::errc::result_out_of_range) value = std::strtof(std::string(word).c_str(), nullptr);
     return value;
   }
-  float Finite(const char* what, const char* which) {
+  float Finite(const char* what, const char* which, const char* hint = "") {
     const float value = Number(what, which);
     if (!std::isfinite(value))
-      Fail(fmt::format("the {} of the {} is not finite, or too large for a float", which, what));
+      Fail(fmt::format("the {} of the {} is not finite, or too large for a float{}", which, what, hint));
     return value;
   }
   /// Finite, unless bad primitives are to be dropped.
   float Coordinate(const char* what, const char* which) {
-    return options_.drop_bad ? Number(what, which) : Finite(what, which);
+    return options_.drop_bad ? Number(what, which) : Finite(what, which, kOrDropBad);
   }
   Vec3f Point(const char* what) {
     const float x = Coordinate(what, "x"), y = Coordinate(what, "y"), z = Coordinate(what, "z");
@@ -254,7 +254,8 @@ class NffReader {
   template <class Prim>
   void Keep(const Prim& prim, const char* kind, std::vector<Prim>& prims, std::vector<uint32_t>& material) {
     if (!options_.drop_bad)
-      if (const std::string flaw = Flaw(prim); !flaw.empty()) Fail(fmt::format("the {} {}", kind, flaw));
+      if (const std::string flaw = Flaw(prim); !flaw.empty())
+        Fail(fmt::format("the {} {}{}", kind, flaw, kOrDropBad));
     prims.push_back(prim), material.push_back(CurrentMaterial());
   }
 

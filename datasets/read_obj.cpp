@@ -38,7 +38,7 @@ class ObjScan {
       : path_(path),
         drop_bad_(options.drop_bad),
         scene_(scene),
-        text_(ReadFile(path)),
+        text_(ReadText(path)),
         stage_(options, 0, 0.4) {}
 
   CleanMesh Run() {
@@ -53,7 +53,10 @@ class ObjScan {
       Line(Words(line));
       stage_.Tell(lines_.offset(), text_.size());
     }
-    if (mesh_.faces == 0) Fail("has no faces; is it a Wavefront OBJ file?");
+    if (mesh_.faces == 0)
+      Fail(left_out_.empty() ? "has no faces; is it a Wavefront OBJ file?"
+                             : fmt::format("has no faces (left out: {})", left_out_.Text()));
+    if (!left_out_.empty()) scene_.stats.notes.push_back("left out: " + left_out_.Text());
     text_ = {};
     return std::move(mesh_);
   }
@@ -82,7 +85,7 @@ class ObjScan {
     const std::string_view key = words.Next();
     if (key == "v") {
       Vertex(words);
-    } else if (key == "f") {
+    } else if (key == "f" || key == "fo") {  // its name before 1995
       Face(words);
     } else if (key == "vt") {
       float uv[2] = {0, 0};  // the second is optional
@@ -93,11 +96,26 @@ class ObjScan {
       ReadNumbers(words, n);
       looks_.normals.push_back({n[0], n[1], n[2]});
     } else if (key == "mtllib") {
-      const std::string name(words.Rest());
-      if (!ReadMtl(path_.parent_path() / name, library_, scene_.stats.notes))
-        scene_.stats.notes.push_back(fmt::format("the material file {} cannot be read", Quoted(name)));
+      ReadLibrary(std::string(words.Rest()));
     } else if (key == "usemtl") {
       mesh_.materials.push_back({uint32_t(mesh_.faces), MaterialIndex(words.Rest())});
+    } else if (!key.empty() && !key.starts_with('#') && !IsGrouping(key)) {
+      left_out_.Add(key);
+    }
+  }
+
+  /// Says nothing about geometry or looks.
+  static bool IsGrouping(std::string_view key) {
+    return key == "g" || key == "o" || key == "s" || key == "mg" || key == "lod" || key == "bevel" ||
+           key == "c_interp" || key == "d_interp";
+  }
+
+  void ReadLibrary(const std::string& name) {
+    try {
+      ReadMtl(path_.parent_path() / name, library_, scene_.stats.notes);
+    } catch (const InputError& e) {
+      scene_.stats.notes.push_back(
+          fmt::format("the material file {} cannot be read: {}", Quoted(name), OneLine(e.what())));
     }
   }
 
@@ -113,18 +131,18 @@ class ObjScan {
 
   void Vertex(Words& words) {
     std::string_view coordinates[3];
+    Vec3f position;
     bool is_finite = true;
     for (int i = 0; i < 3; ++i) {
       const std::string_view word = coordinates[i] = words.Next();
       if (word.empty() || word.starts_with('#'))
         FailLine(fmt::format("vertex {} has {} coordinates; 3 are needed", mesh_.vertices, i));
-      float value;
-      const Number number = ParseNumber(word, value);
+      const Number number = ParseNumber(word, position[i]);
       is_finite &= number == Number::kFinite;
       CheckCoordinate(number, word, mesh_.vertices, drop_bad_,
                       [&](const std::string& what) { FailLine(what); });
     }
-    if (!is_finite) mesh_.bad_vertices.push_back(uint32_t(mesh_.vertices));
+    if (!is_finite) mesh_.bad_vertices.push_back({uint32_t(mesh_.vertices), position});
     mesh_.text += 'v';
     for (std::string_view word : coordinates) (mesh_.text += ' ') += is_finite ? word : "0";
     mesh_.text += '\n';
@@ -149,7 +167,6 @@ class ObjScan {
   void Face(Words& words) {
     corners_.clear();  // counted from 1, as in the file
     corner_looks_.clear();
-    size_t corner_count = 0;
     bool is_bad = false, has_looks = false;
     for (std::string_view word = words.Next(); !word.empty() && !word.starts_with('#'); word = words.Next()) {
       int64_t index = 0;
@@ -160,34 +177,27 @@ class ObjScan {
       int64_t corner = index < 0 ? int64_t(mesh_.vertices) + index + 1 : index;
       if (corner < 1 || corner > int64_t(vertex_count_)) {
         if (!drop_bad_)
-          FailLine(fmt::format("face {} refers to vertex {}; allowed are 1 to {}, or -{} to -1", mesh_.faces,
-                               index, vertex_count_, mesh_.vertices));
+          FailLine(fmt::format("face {} refers to vertex {}; allowed are 1 to {}, or -{} to -1{}",
+                               mesh_.faces, index, vertex_count_, mesh_.vertices, kOrDropBad));
         is_bad = true;
-        corner = int64_t{RAYBENCH_NONE} - int64_t(corner_count);  // each its own, so that none is a repeat
+        corner = int64_t{RAYBENCH_NONE} + 1;
       }
-      ++corner_count;
-      if (!corners_.empty() && corners_.back() == corner) continue;
       corners_.push_back(corner);
       corner_looks_.push_back(CornerLooks(uint32_t(corner - 1), word));
       has_looks = has_looks || corner_looks_.back().uv != RAYBENCH_NONE ||
                   corner_looks_.back().normal != RAYBENCH_NONE;
     }
     // Faces of two corners are common and harmless, but not at the end of a file cut off within a line.
-    if (corner_count == 0 || (corner_count < 3 && lines_.is_unended()))
-      FailLine(fmt::format("face {} has {} corners; at least 3 are needed", mesh_.faces, corner_count));
-    while (corners_.size() > 1 && corners_.front() == corners_.back())
-      corners_.pop_back(), corner_looks_.pop_back();
+    if (corners_.empty() || (corners_.size() < 3 && lines_.is_unended()))
+      FailLine(fmt::format("face {} has {} corners; at least 3 are needed", mesh_.faces, corners_.size()));
     if (has_looks && corners_.size() >= 3) looks_.AddFace(uint32_t(mesh_.faces), corner_looks_);
-    // A corner given twice in a row makes a degenerate triangle.
-    scene_.stats.degenerate_triangles +=
-        std::max<size_t>(corner_count, 3) - std::max<size_t>(corners_.size(), 2);
+    scene_.stats.degenerate_triangles += corners_.size() < 3;
     // OpenMesh would leave out without a word what has not 3 different corners, and any face with a corner
-    // given twice. Those are what joins a hole to the outline.
+    // given twice, as what joins a hole to the outline has.
     if (is_bad || corners_.size() < 3 || HasRepeats(corners_, scratch_)) {
       CleanMesh::HeldBack& face = mesh_.held_back.emplace_back();
       face.face = uint32_t(mesh_.faces);
-      if (corners_.size() >= 3)
-        for (int64_t corner : corners_) face.corners.push_back(uint32_t(corner - 1));
+      for (int64_t corner : corners_) face.corners.push_back(uint32_t(corner - 1));
     } else {
       mesh_.text += 'f';
       for (int64_t corner : corners_) AddNumber(corner);
@@ -204,9 +214,12 @@ class ObjScan {
 
   uint32_t MaterialIndex(std::string_view name) {
     auto [it, is_new] = index_.try_emplace(std::string(name), uint32_t(scene_.materials.size()));
+    const auto found = library_.find(name);
+    if (found == library_.end())
+      left_out_.Add(fmt::format("usemtl of the unknown material {}", Quoted(name)));
     if (is_new) {
       Material m;
-      if (auto found = library_.find(name); found != library_.end()) {
+      if (found != library_.end()) {
         m = found->second.material;
         m.base_color_texture = LoadTexture(found->second.diffuse);
         m.emission_texture = LoadTexture(found->second.emission);
@@ -255,6 +268,7 @@ class ObjScan {
   std::vector<ObjCorner> corner_looks_;
   ObjCorners looks_;
   MtlLibrary library_;
+  Counts left_out_;
   std::map<MtlMap, int32_t> textures_;
   std::map<std::string, uint32_t, std::less<>> index_;
 };
@@ -267,6 +281,7 @@ Scene ReadObj(const std::filesystem::path& path, const LoadOptions& options) {
   scene.materials.emplace_back().name = "default";
   ObjScan scan(path, options, scene);
   ReadWithOpenMesh(OpenMesh::IO::OBJReader(), path.string(), scan.Run(), options, scene);
+  scene.TakeHash();  // before vertices become several for their looks
   scan.corners().Apply(scene, options.keep_unread);
   return scene;
 }

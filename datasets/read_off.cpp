@@ -19,7 +19,7 @@ class OffScan {
       : path_(path),
         drop_bad_(options.drop_bad),
         scene_(scene),
-        text_(ReadFile(path)),
+        text_(ReadText(path)),
         stage_(options, 0, 0.4) {}
 
   CleanMesh Run() {
@@ -40,6 +40,10 @@ class OffScan {
     mesh_.text = Header(mesh_.faces);
     for (uint64_t i = 0; i < mesh_.vertices; ++i) Vertex(i);
     for (uint64_t i = 0; i < mesh_.faces; ++i) Face(i);
+    for (const auto& [count, what] : {std::pair{more_of_vertices_, "positions of {} vertices"},
+                                      std::pair{more_of_faces_, "corners of {} faces"}})
+      if (count > 0)
+        scene_.stats.notes.push_back("left out: what follows the " + fmt::format(fmt::runtime(what), count));
     const std::string header = Header(mesh_.faces - mesh_.held_back.size());
     mesh_.text.replace(0, header.size(), header);
     return std::move(mesh_);
@@ -70,17 +74,18 @@ class OffScan {
   void Vertex(uint64_t i) {
     Words words = NextLine("vertex {} of {}", i, mesh_.vertices);
     std::string_view coordinates[3];
+    Vec3f position;
     bool is_finite = true;
     for (int k = 0; k < 3; ++k) {
       const std::string_view word = coordinates[k] = words.Next();
       if (word.empty())
         FailLine(fmt::format("vertex {} has {} coordinates; 3 are needed, on a line of its own", i, k));
-      float value;
-      const Number number = ParseNumber(word, value);
+      const Number number = ParseNumber(word, position[k]);
       is_finite &= number == Number::kFinite;
       CheckCoordinate(number, word, i, drop_bad_, [&](const std::string& what) { FailLine(what); });
     }
-    if (!is_finite) mesh_.bad_vertices.push_back(uint32_t(i));
+    more_of_vertices_ += !words.Next().empty();
+    if (!is_finite) mesh_.bad_vertices.push_back({uint32_t(i), position});
     for (std::string_view word : coordinates) (mesh_.text += is_finite ? word : "0") += ' ';
     mesh_.text += '\n';
     stage_.Tell(lines_.offset(), text_.size());
@@ -105,14 +110,15 @@ class OffScan {
         FailLine(fmt::format("face {} has the corner {}; an index is needed", i, Quoted(word)));
       if (index < 0 || index >= int64_t(mesh_.vertices)) {
         if (!drop_bad_)
-          FailLine(fmt::format("face {} refers to vertex {}; allowed are 0 to {}", i, index,
-                               int64_t(mesh_.vertices) - 1));
+          FailLine(fmt::format("face {} refers to vertex {}; allowed are 0 to {}{}", i, index,
+                               int64_t(mesh_.vertices) - 1, kOrDropBad));
         index = RAYBENCH_NONE;
         is_bad = true;
       }
       corners_.push_back(uint32_t(index));
       (mesh_.text += ' ') += fmt::format_int(index).c_str();
     }
+    more_of_faces_ += !words.Next().empty();
     mesh_.text += '\n';
     if (is_bad) {
       mesh_.text.resize(begin);
@@ -129,6 +135,7 @@ class OffScan {
   Lines lines_{text_};
   CleanMesh mesh_;
   std::vector<uint32_t> corners_;
+  uint64_t more_of_vertices_ = 0, more_of_faces_ = 0;  ///< normals, colours, texture coordinates
 };
 
 }  // namespace

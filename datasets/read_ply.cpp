@@ -112,6 +112,7 @@ class PlyScan {
       }
     CheckEnd();
     if (mesh_.faces == 0) Fail("has no faces");
+    NoteLeftOut();
     const std::string header = CleanHeader(mesh_.faces - mesh_.held_back.size());
     mesh_.text.replace(0, header.size(), header);
     return std::move(mesh_);
@@ -135,7 +136,33 @@ class PlyScan {
     return Words(line);
   }
 
+  /// Lines end as the first one does: in "\n" or "\r\n", in "\r" or, turned round, in "\n\r". Those two
+  /// become what the others are, so that binary data begin right behind the last.
+  void FindLineEnds() {
+    if (text_.starts_with("\xEF\xBB\xBF"))
+      start_ = 3;
+    else if (text_.starts_with("\xFF\xFE") || text_.starts_with("\xFE\xFF"))
+      MakePlain(path_, text_);
+    const size_t first = text_.find_first_of("\r\n", start_);
+    if (first == text_.npos || first + 1 >= text_.size()) return;
+    const char end_mark = text_[first];
+    const bool is_turned = end_mark == '\n' && text_[first + 1] == '\r',
+               is_single = end_mark == '\r' && text_[first + 1] != '\n';
+    if (!is_turned && !is_single) return;
+    constexpr std::string_view kLast = "end_header";
+    const size_t last = text_.find(fmt::format("{}{}{}", end_mark, is_turned ? "\r" : "", kLast), first);
+    const size_t end = last == text_.npos ? last : text_.find(end_mark, last + 1);
+    if (end == text_.npos || end + is_turned >= text_.size()) return;
+    for (size_t i = first; i <= end; ++i) {
+      if (text_[i] != end_mark) continue;
+      if (is_turned && text_[i + 1] == '\r') std::swap(text_[i], text_[i + 1]), ++i;
+      if (is_single) text_[i] = '\n';
+    }
+  }
+
   void ReadHeader() {
+    FindLineEnds();
+    lines_ = Lines(text_, start_);
     const Words first = HeaderLine();
     if (std::string_view magic = Words(first).Next(); magic != "ply" && magic != "PLY")
       FailLine(fmt::format("begins with {}; a PLY file begins with 'ply'", Quoted(magic)));
@@ -160,6 +187,7 @@ class PlyScan {
     }
     if (!has_format) Fail("the header has no format line");
     offset_ = lines_.offset();
+    if (is_ascii_) MakeLineEndsPlain(text_, offset_);
     CheckElements();
   }
 
@@ -345,7 +373,8 @@ class PlyScan {
         const float value = float(Decode(bytes, p.type, swap_));
         if (!std::isfinite(value) && !drop_bad_) {
           offset_ -= size;
-          FailHere(fmt::format("vertex {} has {} = {}; it must be finite", item_, p.name, value));
+          FailHere(
+              fmt::format("vertex {} has {} = {}; it must be finite{}", item_, p.name, value, kOrDropBad));
         }
         vertex_[int(p.role) - int(Role::kX)] = value;
       }
@@ -357,6 +386,25 @@ class PlyScan {
     const size_t end = is_ascii_ ? lines_.offset() : offset_;
     if (end < text_.size() && text_.find_first_not_of(std::string_view(" \t\r\n\0", 5), end) != text_.npos)
       Fail(fmt::format("has {} bytes more than the header says", text_.size() - end));
+  }
+
+  void NoteLeftOut() {
+    std::string left;
+    const auto add = [&](const std::string& what) {
+      left += fmt::format("{}{}", left.empty() ? "" : "; ", what);
+    };
+    for (const Element& element : elements_) {
+      if (element.count == 0) continue;
+      if (element.kind == Kind::kOther) {
+        add(fmt::format("{} of element {}", element.count, Quoted(element.name)));
+        continue;
+      }
+      Counts properties;
+      for (const Property& p : element.properties)
+        if (p.role == Role::kNone) properties.Add(p.name);
+      if (!properties.empty()) add(fmt::format("properties of {}: {}", element.name, properties.Text()));
+    }
+    if (!left.empty()) scene_.stats.notes.push_back(OneLine("left out: " + left));
   }
 
   // ---- what OpenMesh gets ----
@@ -375,7 +423,7 @@ class PlyScan {
 
   void AddVertex() {
     if (!(std::isfinite(vertex_.x) && std::isfinite(vertex_.y) && std::isfinite(vertex_.z))) {
-      mesh_.bad_vertices.push_back(uint32_t(item_));
+      mesh_.bad_vertices.push_back({uint32_t(item_), vertex_});
       vertex_ = {0, 0, 0};
     }
     for (int k = 0; k < 3; ++k, next_vertex_ += 4)
@@ -387,8 +435,8 @@ class PlyScan {
     for (int64_t corner : corners) {
       if (corner >= 0 && corner < int64_t(mesh_.vertices)) continue;
       if (!drop_bad_)
-        FailHere(fmt::format("face {} refers to vertex {}; allowed are 0 to {}", mesh_.faces, corner,
-                             int64_t(mesh_.vertices) - 1));
+        FailHere(fmt::format("face {} refers to vertex {}; allowed are 0 to {}{}", mesh_.faces, corner,
+                             int64_t(mesh_.vertices) - 1, kOrDropBad));
       is_bad = true;
     }
     if (corners.size() < 3) ++scene_.stats.degenerate_triangles;
@@ -431,6 +479,7 @@ class PlyScan {
   bool is_ascii_ = true, swap_ = false;
   std::vector<Element> elements_;
   CleanMesh mesh_;
+  size_t start_ = 0;        ///< behind a byte-order mark
   size_t offset_ = 0;       ///< of what is read next, in a binary file
   size_t next_vertex_ = 0;  ///< where the next vertex goes
   uint64_t item_ = 0;

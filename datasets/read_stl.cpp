@@ -12,6 +12,7 @@
 #include <cctype>
 #include <cmath>
 #include <cstring>
+#include <optional>
 
 #include "datasets/mesh_sink.h"
 #include "datasets/readers.h"
@@ -33,14 +34,14 @@ class StlScan {
         lines_(text_),
         stage_(options, 0, 0.5) {}
 
-  /// Fills `positions` with three corners a facet, and triangle_face.
+  /// Fills `positions` with three corners a facet.
   void Run() {
     // "solid" begins many binary files too, so the size decides.
     const bool has_count = text_.size() >= kHeaderSize;
     const uint64_t count = has_count ? Uint32(80) : 0;
     if (has_count && text_.size() == kHeaderSize + kFacetSize * count) {
       ReadBinary(count);
-    } else if (IsKeyword(PeekWord(), "solid") && text_.find('\0') == text_.npos) {
+    } else if (IsText()) {
       ReadAscii();
     } else if (has_count) {
       Fail(fmt::format(
@@ -64,16 +65,6 @@ class StlScan {
 
   /// The facet ends here; its corners are the last three positions.
   void EndFacet() {
-    const Vec3f* corners = &scene_.positions.back() - 2;
-    bool is_finite = true;
-    for (int i = 0; i < 3; ++i)
-      is_finite &= std::isfinite(corners[i].x) && std::isfinite(corners[i].y) && std::isfinite(corners[i].z);
-    if (is_finite) {
-      scene_.triangle_face.push_back(uint32_t(scene_.stats.faces));
-    } else {  // with drop_bad
-      scene_.positions.resize(scene_.positions.size() - 3);
-      ++scene_.stats.dropped_triangles;
-    }
     if (int64_t(++scene_.stats.faces) > kMaxFacets) Fail(fmt::format("has more than {} facets", kMaxFacets));
   }
 
@@ -88,7 +79,6 @@ class StlScan {
   void ReadBinary(uint64_t count) {
     if (int64_t(count) > kMaxFacets) Fail(fmt::format("has {} facets; {} are allowed", count, kMaxFacets));
     scene_.positions.reserve(3 * count + 2);
-    scene_.triangle_face.reserve(count);
     for (uint64_t i = 0; i < count; ++i) {
       size_t at = kHeaderSize + kFacetSize * i + 12;  // after the normal
       for (int corner = 0; corner < 3; ++corner) {
@@ -96,8 +86,8 @@ class StlScan {
         for (int k = 0; k < 3; ++k, at += 4) {
           p[k] = std::bit_cast<float>(Uint32(at));
           if (!std::isfinite(p[k]) && !drop_bad_)
-            Fail(fmt::format("byte {}: facet {} has the corner coordinate {}; it must be finite", at, i,
-                             p[k]));
+            Fail(fmt::format("byte {}: facet {} has the corner coordinate {}; it must be finite{}", at, i,
+                             p[k], kOrDropBad));
         }
       }
       EndFacet();
@@ -106,6 +96,15 @@ class StlScan {
   }
 
   // ---- ASCII ----
+
+  /// Makes the text plain if it is one that begins as it should.
+  bool IsText() {
+    if (text_.starts_with("\xFF\xFE") || text_.starts_with("\xFE\xFF") || text_.find('\0') == text_.npos) {
+      MakePlain(path_, text_);
+      lines_ = Lines(text_);
+    }
+    return text_.find('\0') == text_.npos && IsKeyword(PeekWord(), "solid");
+  }
 
   static bool IsKeyword(std::string_view word, std::string_view keyword) {
     return std::equal(word.begin(), word.end(), keyword.begin(), keyword.end(),
@@ -136,16 +135,33 @@ class StlScan {
     FailLine(fmt::format("facet {} has {} where '{}' is needed", scene_.stats.faces, Quoted(word), keyword));
   }
 
+  /// The name of a solid goes on to the end of the line; but where a whole file stands on one line, to what
+  /// is no name: the first facet, "endsolid", and behind that the "solid" before these.
+  void SkipName(bool has_ended) {
+    std::optional<Words> solid;
+    for (Words here = words_;; words_ = here) {
+      const std::string_view word = here.Next();
+      if (word.empty()) break;
+      if (has_ended && !solid && IsKeyword(word, "solid")) solid = words_;
+      if (IsKeyword(word, "endsolid") ||
+          (IsKeyword(word, "facet") && IsKeyword(Words(here).Next(), "normal"))) {
+        if (solid) words_ = *solid;
+        return;
+      }
+    }
+    words_ = Words("");
+  }
+
   void ReadAscii() {
     bool is_open = false;
     for (std::string_view word = Next(); !word.empty(); word = Next()) {
       if (!is_open) {
         if (!IsKeyword(word, "solid"))
           FailLine(fmt::format("{} stands where 'solid' is needed", Quoted(word)));
-        words_ = Words("");  // the rest of the line is a name
+        SkipName(false);
         is_open = true;
-      } else if (IsKeyword(word, "endsolid")) {
-        words_ = Words("");
+      } else if (IsEnd(word, "solid")) {
+        SkipName(true);
         is_open = false;
       } else if (IsKeyword(word, "facet")) {
         ReadFacet();
@@ -170,12 +186,29 @@ class StlScan {
         const Number number = ParseNumber(word, p[k]);
         if (number == Number::kMalformed || (number == Number::kNotFinite && !drop_bad_))
           FailLine(fmt::format("facet {} has the corner coordinate {}; {}", scene_.stats.faces, Quoted(word),
-                               number == Number::kMalformed ? "a number is needed" : "it must be finite"));
+                               number == Number::kMalformed ? std::string("a number is needed")
+                                                            : std::string("it must be finite") + kOrDropBad));
       }
     }
-    Expect("endloop");
-    Expect("endfacet");
+    ExpectEnd("loop");
+    ExpectEnd("facet");
     EndFacet();
+  }
+
+  /// "endloop", which some write as "end loop".
+  bool IsEnd(std::string_view word, std::string_view of) {
+    if (word.size() == of.size() + 3 && IsKeyword(word.substr(0, 3), "end") && IsKeyword(word.substr(3), of))
+      return true;
+    Words next = words_;
+    if (!IsKeyword(word, "end") || !IsKeyword(next.Next(), of)) return false;
+    words_ = next;
+    return true;
+  }
+  void ExpectEnd(std::string_view of) {
+    const std::string_view word = Next();
+    if (IsEnd(word, of)) return;
+    if (word.empty()) Fail(fmt::format("ends early: 'end{}' of facet {} is missing", of, scene_.stats.faces));
+    FailLine(fmt::format("facet {} has {} where 'end{}' is needed", scene_.stats.faces, Quoted(word), of));
   }
 
   const std::filesystem::path& path_;
@@ -186,6 +219,32 @@ class StlScan {
   Words words_{""};
   LoadStage stage_;
 };
+
+/// Three vertices a facet, as the file has them: what hash() is of.
+void NumberCorners(Scene& scene) {
+  scene.triangles.resize(scene.positions.size() / 3);
+  scene.triangle_face.resize(scene.triangles.size());
+  for (uint32_t i = 0; i < scene.triangles.size(); ++i) {
+    scene.triangles[i] = {3 * i, 3 * i + 1, 3 * i + 2};
+    scene.triangle_face[i] = i;
+  }
+}
+
+/// With drop_bad.
+void DropBadFacets(Scene& scene) {
+  size_t kept = 0;
+  for (size_t i = 0; i < scene.triangles.size(); ++i) {
+    Vec3f* const corners = &scene.positions[3 * i];
+    const bool is_finite = std::all_of(corners, corners + 3, [](Vec3f p) {
+      return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z);
+    });
+    if (!is_finite) continue;
+    std::copy(corners, corners + 3, &scene.positions[3 * kept]);
+    scene.triangle_face[kept++] = uint32_t(i);
+  }
+  scene.stats.dropped_triangles += scene.triangles.size() - kept;
+  scene.positions.resize(3 * kept), scene.triangle_face.resize(kept);
+}
 
 /// Makes one vertex of equal corners, numbered by their first occurrence.
 void IndexCorners(Scene& scene) {
@@ -215,6 +274,9 @@ Scene ReadStl(const std::filesystem::path& path, const LoadOptions& options) {
   scene.provenance.source = path.string();
   StlScan(path, options, scene).Run();
   if (options.progress) options.progress(0.6);
+  NumberCorners(scene);
+  scene.TakeHash();
+  if (options.drop_bad) DropBadFacets(scene);
   IndexCorners(scene);
   scene.triangle_material.resize(scene.triangles.size());
   return scene;

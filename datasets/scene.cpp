@@ -16,6 +16,7 @@
 
 #include "datasets/hash.h"
 #include "datasets/orientation.h"
+#include "datasets/text.h"
 
 namespace raybench {
 
@@ -140,7 +141,7 @@ uint64_t KeepSound(std::vector<Prim>& prims, std::vector<uint32_t>& material, co
     if (material[i] >= materials)
       fail(fmt::format("{} {} has material {}; there are {}", kind, i, material[i], materials));
     if (const std::string what = flaw(prims[i]); !what.empty()) {
-      if (!drop_bad) fail(fmt::format("{} {} {}", kind, i, what));
+      if (!drop_bad) fail(fmt::format("{} {} {}{}", kind, i, what, kOrDropBad));
       continue;
     }
     prims[kept] = prims[i], material[kept++] = material[i];
@@ -197,30 +198,15 @@ void Scene::Finish(bool drop_bad) {
     fail(fmt::format("{} vertices and {} primitives; fewer than {} of each are allowed", positions.size(),
                      primitive_count(), RAYBENCH_NONE));
 
-  // Of the geometry as it was given, before anything is left out or rescaled: so that whoever hands it over
-  // can compute the same.
-  Hash64 hash;
-  hash.AddValue(uint64_t{positions.size()});
-  hash.AddValue(uint64_t{triangles.size()});
-  hash.AddValue(uint64_t{spheres.size()});
-  hash.Add(positions.data(), positions.size() * sizeof(Vec3f));
-  hash.Add(triangles.data(), triangles.size() * sizeof triangles[0]);
-  hash.Add(spheres.data(), spheres.size() * sizeof(Sphere));
-  if (!cones.empty() || !polygons.empty()) {
-    hash.AddValue(uint64_t{cones.size()});
-    hash.AddValue(uint64_t{polygons.size()});
-    hash.AddValue(uint64_t{polygon_vertices.size()});
-    hash.Add(cones.data(), cones.size() * sizeof(Cone));
-    hash.Add(polygons.data(), polygons.size() * sizeof(Polygon));
-    hash.Add(polygon_vertices.data(), polygon_vertices.size() * sizeof(uint32_t));
-  }
-  hash_ = hash.Hex();
+  // Before anything is left out or rescaled: so that whoever hands the geometry over can compute the same.
+  if (!has_hash_) TakeHash();
+  has_hash_ = false;
 
   // Triangles: 0 stays, 1 is bad, 2 is degenerate.
   if (!drop_bad) {
     if (size_t i = FindFirst(positions.size(), [&](size_t k) { return !IsFinite(positions[k]); });
         i < positions.size())
-      fail(fmt::format("vertex {} is {}; coordinates must be finite", i, Text(positions[i])));
+      fail(fmt::format("vertex {} is {}; coordinates must be finite{}", i, Text(positions[i]), kOrDropBad));
   }
   std::vector<uint8_t> state(triangles.size());
   ForEach(triangles.size(), [&](size_t i) {
@@ -233,8 +219,8 @@ void Scene::Finish(bool drop_bad) {
     if (size_t i = FindFirst(triangles.size(), [&](size_t k) { return state[k] == 1; });
         i < triangles.size()) {
       const std::array<uint32_t, 3>& t = triangles[i];
-      fail(fmt::format("face {} refers to vertices {}, {}, {}; allowed are 0 to {}", triangle_face[i], t[0],
-                       t[1], t[2], int64_t(positions.size()) - 1));
+      fail(fmt::format("face {} refers to vertices {}, {}, {}; allowed are 0 to {}{}", triangle_face[i], t[0],
+                       t[1], t[2], int64_t(positions.size()) - 1, kOrDropBad));
     }
   }
   for (size_t i = 0; i < triangles.size(); ++i) {
@@ -313,7 +299,7 @@ void Scene::Finish(bool drop_bad) {
         fmt::format("too small beside the largest coordinate {} to be rescaled without loss", largest);
     if (size_t i = FindFirst(positions.size(), [&](size_t k) { return inexact[k] != 0; });
         i < positions.size()) {
-      if (!drop_bad) fail(fmt::format("vertex {} is {}, {}", i, Text(positions[i]), too_small));
+      if (!drop_bad) fail(fmt::format("vertex {} is {}, {}{}", i, Text(positions[i]), too_small, kOrDropBad));
       const auto uses_inexact = [&](const auto& corners) {
         return std::any_of(corners.begin(), corners.end(), [&](uint32_t v) { return inexact[v] != 0; });
       };
@@ -368,6 +354,26 @@ void Scene::Finish(bool drop_bad) {
   // The contract's 16 readable bytes after the last position.
   positions.reserve(positions.size() + 2);
   std::memset(static_cast<void*>(positions.data() + positions.size()), 0, 2 * sizeof(Vec3f));
+}
+
+void Scene::TakeHash() {
+  Hash64 hash;
+  hash.AddValue(uint64_t{positions.size()});
+  hash.AddValue(uint64_t{triangles.size()});
+  hash.AddValue(uint64_t{spheres.size()});
+  hash.Add(positions.data(), positions.size() * sizeof(Vec3f));
+  hash.Add(triangles.data(), triangles.size() * sizeof triangles[0]);
+  hash.Add(spheres.data(), spheres.size() * sizeof(Sphere));
+  if (!cones.empty() || !polygons.empty()) {
+    hash.AddValue(uint64_t{cones.size()});
+    hash.AddValue(uint64_t{polygons.size()});
+    hash.AddValue(uint64_t{polygon_vertices.size()});
+    hash.Add(cones.data(), cones.size() * sizeof(Cone));
+    hash.Add(polygons.data(), polygons.size() * sizeof(Polygon));
+    hash.Add(polygon_vertices.data(), polygon_vertices.size() * sizeof(uint32_t));
+  }
+  hash_ = hash.Hex();
+  has_hash_ = true;
 }
 
 void Scene::FinishProcedurals(bool drop_bad) {

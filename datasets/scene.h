@@ -137,6 +137,10 @@ class Scene {
   /// vertex, face, material or light.
   void Finish(bool drop_bad = false);
 
+  /// Takes hash() of the geometry as it is now, for a reader that changes it before Finish(), which else does
+  /// this first.
+  void TakeHash();
+
   /// View for structures; valid while the scene lives and is not moved.
   rb_geometry Geometry() const;
   /// Primitive ids: triangles, then spheres, cones, polygons.
@@ -150,8 +154,8 @@ class Scene {
   const Bounds3& bounds() const { return bounds_; }
   /// Names the geometry, 16 hex digits: Hash64 over the numbers of positions, triangles and spheres (uint64
   /// each), then the three arrays; where there are cones or polygons, over the numbers of cones, polygons and
-  /// polygon_vertices and these arrays too. All as they were before Finish(): with what it left out and
-  /// without its scale. tracer/RAYS.md has the algorithm for programs outside.
+  /// polygon_vertices and these arrays too. All as the file has them: with what is left out or welded and
+  /// without the scale. tracer/RAYS.md has the algorithm for programs outside.
   const std::string& hash() const { return hash_; }
   /// Index into `materials`.
   uint32_t MaterialOf(uint32_t prim) const;
@@ -172,6 +176,7 @@ class Scene {
   std::vector<PolygonPlane> polygon_planes_;
   Bounds3 bounds_;
   std::string hash_;
+  bool has_hash_ = false;  ///< of what Finish() will be given
 };
 
 struct LoadOptions {

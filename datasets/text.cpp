@@ -34,6 +34,39 @@ std::string ReadFile(const std::filesystem::path& path) {
   return text;
 }
 
+void MakePlain(const std::filesystem::path& path, std::string& text) {
+  const std::string_view start = std::string_view(text).substr(0, 4);
+  const bool is_wide = start.starts_with("\xFF\xFE") || start.starts_with("\xFE\xFF") ||
+                       start == std::string_view("\0\0\xFE\xFF", 4) ||
+                       (start.size() > 1 && (start[0] == 0) != (start[1] == 0));
+  if (is_wide) throw InputError(path.string() + ": is text in UTF-16 or UTF-32; save it as UTF-8");
+  if (start.starts_with("\xEF\xBB\xBF")) text.erase(0, 3);
+  MakeLineEndsPlain(text);
+}
+
+void MakeLineEndsPlain(std::string& text, size_t start) {
+  for (size_t i = text.find('\r', start); i != text.npos; i = text.find('\r', i + 1))
+    if (i + 1 == text.size() || text[i + 1] != '\n') text[i] = '\n';
+}
+
+std::string ReadText(const std::filesystem::path& path) {
+  std::string text = ReadFile(path);
+  MakePlain(path, text);
+  return text;
+}
+
+std::string Counts::Text() const {
+  constexpr size_t kShown = 12;
+  std::string text;
+  size_t n = 0;
+  for (const auto& [what, count] : counts_) {
+    if (n++ == kShown) return text + fmt::format(" and {} more", counts_.size() - kShown);
+    text += fmt::format("{}{}", text.empty() ? "" : ", ", OneLine(what.substr(0, 60)));
+    if (count > 1) text += fmt::format(" ({})", count);
+  }
+  return text;
+}
+
 std::string OneLine(const std::string& text) {
   std::string line;
   for (char c : text) {

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
+#include <map>
 #include <string>
 #include <string_view>
 
@@ -11,6 +13,31 @@ namespace raybench {
 
 /// The whole file. Throws InputError: missing, a directory, empty, unreadable.
 std::string ReadFile(const std::filesystem::path& path);
+
+/// Makes of what was read from `path` the text that readers take: without a byte-order mark, and with '\n'
+/// for a '\r' that no '\n' follows. Throws InputError: UTF-16 or UTF-32.
+void MakePlain(const std::filesystem::path& path, std::string& text);
+
+/// The line ends alone, from byte `start` on; nothing moves.
+void MakeLineEndsPlain(std::string& text, size_t start = 0);
+
+/// ReadFile(), made plain.
+std::string ReadText(const std::filesystem::path& path);
+
+/// Things that were left out, how many of each, in one line: "curv (2), p, usemtl of unknown 'wood' (3)".
+class Counts {
+ public:
+  void Add(std::string_view what) {
+    const auto it = counts_.find(what);
+    it == counts_.end() ? void(counts_.emplace(what, 1)) : void(++it->second);
+  }
+  bool empty() const { return counts_.empty(); }
+  /// In alphabetical order; of many kinds the first ones.
+  std::string Text() const;
+
+ private:
+  std::map<std::string, uint64_t, std::less<>> counts_;
+};
 
 /// Text in one line: line breaks become "; ", control characters and runs of blanks become one blank.
 std::string OneLine(const std::string& text);
@@ -46,7 +73,8 @@ class Words {
 /// The lines of a text, numbered from 1.
 class Lines {
  public:
-  explicit Lines(std::string_view text) : text_(text) {}
+  /// Those from the byte `start` on.
+  explicit Lines(std::string_view text, size_t start = 0) : text_(text), next_(start) {}
   /// False at the end. The line comes without its line break.
   bool Next(std::string_view& line) {
     if (next_ >= text_.size()) return false;
@@ -67,6 +95,9 @@ class Lines {
   bool is_unended_ = false;
 };
 
+/// What a message says that --drop-bad would make good.
+inline constexpr char kOrDropBad[] = " (--drop-bad leaves out what has or uses it)";
+
 /// "vertex 3 has the coordinate 'nan'; it must be finite"
 std::string CoordinateMessage(std::string_view word, uint64_t vertex, const char* rule);
 
@@ -80,7 +111,8 @@ Number ParseNumber(std::string_view word, float& value);
 template <class Fail>
 void CheckCoordinate(Number number, std::string_view word, uint64_t vertex, bool drop_bad, const Fail& fail) {
   if (number == Number::kMalformed) fail(CoordinateMessage(word, vertex, "a number is needed"));
-  if (number == Number::kNotFinite && !drop_bad) fail(CoordinateMessage(word, vertex, "it must be finite"));
+  if (number == Number::kNotFinite && !drop_bad)
+    fail(CoordinateMessage(word, vertex, "it must be finite") + kOrDropBad);
 }
 
 /// False if the word is not a decimal integer (which may begin with '+') in the range of int64.

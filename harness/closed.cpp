@@ -294,7 +294,8 @@ class Campaign {
     fmt::print("{}, claims {}{}: {} {}-hit rays, {} misses, leak rate {}; {:.1f} s, {:.3g} Mrays/s\n",
                contestant.Spec(), ClaimName(claim), broken ? " (BROKEN)" : "", rays_, Query(), misses_,
                FormatUpperRate(misses_, rays_), seconds, double(rays_) * 1e-6 / std::max(1e-9, seconds));
-    const ReplayContext context{name_, options_.seed, options_.plugins, options_.drop_bad};
+    const ReplayContext context{name_, options_.seed, options_.plugins, options_.drop_bad,
+                                scene_.scale_exponent};
     for (size_t i = 0; i < examples_.size(); ++i) {
       // No miss needs the oracle; that it agrees shows that the mesh is closed and the oracle is not blind.
       VerifyExample& e = examples_[i];

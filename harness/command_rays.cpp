@@ -45,11 +45,19 @@ int RecordCommand(const Registry& registry, const RecordOptions& options) {
   std::error_code error;
   fs::create_directories(options.out, error);
   if (error) throw InputError(fmt::format("{}: cannot be made: {}", options.out, error.message()));
+  const auto path_of = [&](const RaySet& set) {
+    const char* twin = set.order == "shuffled" ? ".shuffled" : "";
+    return fs::path(options.out) / fmt::format("{}{}.rays", set.Label(), twin);
+  };
+  // Recorded again they are replaced, but not by those of another scene.
+  for (const SourcedSet& s : sets)
+    if (const fs::path path = path_of(s.set);
+        fs::exists(path, error) && ReadRayFileHeader(path).scene_hash != scene.hash())
+      throw InputError(fmt::format("{}: holds rays of another scene; choose another folder", path.string()));
   double done = 0;
   for (const SourcedSet& s : sets) {
     ThrowIfInterrupted();
-    const char* twin = s.set.order == "shuffled" ? ".shuffled" : "";
-    const fs::path path = fs::path(options.out) / fmt::format("{}{}.rays", s.set.Label(), twin);
+    const fs::path path = path_of(s.set);
     WriteRayFile(path, s.set, scene, SoftwareName());
     progress.Update(0.8 + 0.2 * ++done / double(sets.size()), "writing rays");
     progress.Clear();

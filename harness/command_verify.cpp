@@ -93,14 +93,16 @@ void AddOptions(CLI::App& command, VerifyArguments& arguments) {
               "Folder for verdicts.csv, examples.json, the examples as .rays and verify.json; default: "
               "nothing is written")
           ->type_name("DIR");
-  CLI::Option* replay = command
-                            .add_option("--replay", arguments.replay,
-                                        "Judge this one ray, as the examples give it, and say all about it")
-                            ->excludes(rays)
-                            ->excludes(sets)
-                            ->excludes(out)
-                            ->excludes(all)
-                            ->type_name("OX,OY,OZ,TNEAR,DX,DY,DZ,TFAR");
+  CLI::Option* replay =
+      command
+          .add_option("--replay", arguments.replay,
+                      "Judge this one ray, in the coordinates of the scene's file, and say all "
+                      "about it")
+          ->excludes(rays)
+          ->excludes(sets)
+          ->excludes(out)
+          ->excludes(all)
+          ->type_name("OX,OY,OZ,TNEAR,DX,DY,DZ,TFAR");
   CLI::Option* closed = command
                             .add_option("--closed", verify.closed,
                                         "Fire N rays, such as 100M, from inside a closed mesh instead")
@@ -151,7 +153,7 @@ int Verify(VerifyArguments& arguments, const Registry& registry, const Invocatio
   verify.command_line = invocation.arguments;
   if (arguments.replay) {
     if (verify.scenes.size() != 1) throw InputError("--replay: name one scene");
-    return ReplayOneRay(registry, verify, ParseRay(*arguments.replay));
+    return ReplayOneRay(registry, verify, *arguments.replay);
   }
   return verify.closed != 0 ? RunClosed(registry, verify) : RunVerify(registry, verify);
 }

@@ -98,8 +98,7 @@ struct ExactCurve {
   bool Overlaps(const rb_ray& ray) const {
     const Surd bottom(Int(-q.along), q.climb), top(Int(q.length - q.along), q.climb);
     const Surd &first = q.climb.sign() > 0 ? bottom : top, &last = q.climb.sign() > 0 ? top : bottom;
-    return Compare(last, Surd(ray.tnear)) > 0 &&
-           (std::isinf(ray.tfar) || Compare(first, Surd(ray.tfar)) <= 0);
+    return Compare(last, Surd(ray.tnear)) > 0 && Compare(first, Surd(LastT(ray))) <= 0;
   }
 };
 
@@ -110,11 +109,11 @@ ExactCurve MakeExactCurve(const Scene& scene, const rb_ray& ray, uint32_t prim) 
 
 /// Whether t lies in (tnear, tfar]: 1, -1, or 0 if unknown.
 int InInterval(const rb_ray& ray, Approx t) {
-  if (t.lo() > ray.tnear && t.hi() <= ray.tfar) return 1;
-  return t.hi() <= ray.tnear || t.lo() > ray.tfar ? -1 : 0;
+  if (t.lo() > ray.tnear && t.hi() <= LastT(ray)) return 1;
+  return t.hi() <= ray.tnear || t.lo() > LastT(ray) ? -1 : 0;
 }
 bool InInterval(const rb_ray& ray, const Surd& t) {
-  return Compare(t, Surd(ray.tnear)) > 0 && (std::isinf(ray.tfar) || Compare(t, Surd(ray.tfar)) <= 0);
+  return Compare(t, Surd(ray.tnear)) > 0 && Compare(t, Surd(LastT(ray))) <= 0;
 }
 
 Approx Rounded(const Surd& t) {
@@ -177,7 +176,7 @@ void ExactTruth::Meet(const rb_ray& ray, uint32_t prim, Meetings& found) const {
 
 ExactTruth::Meetings ExactTruth::Find(const rb_ray& ray, double limit, bool nearest) const {
   Meetings found;
-  if (!(ray.tnear < ray.tfar)) return found;
+  if (!(ray.tnear < LastT(ray))) return found;
   size_t seen = 0;
   tree_.Traverse({ToDouble(LoadVec3(ray.org)), ToDouble(LoadVec3(ray.dir)), 0x1p-40}, ray.tnear, limit,
                  [&](uint32_t i) {

@@ -4,7 +4,9 @@
 // (raybench_oracle, GPL through CGAL); a build without it finds candidates by a tree of its own, and says so.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <span>
 #include <string>
@@ -22,8 +24,8 @@ struct Truth {
   bool coplanar = false;  ///< the ray lies in the plane of a triangle or polygon it meets, or in a cone's
                           ///< side: hit and miss are both right for it; such a primitive is never in `tied`
   double t = 0;           ///< exact t of the nearest hit, rounded to double
-  float t_rounded = 0;    ///< the exact t correctly rounded to float (ties to even, infinite beyond float);
-                          ///< the float after tnear where that is tnear, which no answer may be
+  float t_rounded = 0;    ///< the exact t correctly rounded to float (ties to even; it is at most tfar and
+                          ///< finite); the float after tnear where that is tnear, which no answer may be
   uint32_t first = RAYBENCH_NONE;  ///< lowest id of all primitives whose t, so rounded, is t_rounded: the
                                    ///< answer by the contract's order (float t, prim), perhaps not in `tied`
   std::vector<uint32_t> tied;      ///< every primitive hit at exactly that t, ascending; empty on a miss
@@ -101,6 +103,16 @@ VerdictCounts JudgeAll(const Oracle& oracle, uint32_t query_kind, std::span<cons
                        std::span<const Truth> truth, std::span<const rb_hit> hits,
                        std::span<const uint8_t> occluded, uint32_t threads,
                        std::vector<Verdict>* verdicts = nullptr);
+
+/// Where the ray ends: at tfar, or where t is no float any more. By the contract a hit with no finite t is
+/// none: whoever says what is true keeps to this, oracles and audit.
+inline float LastT(const rb_ray& ray) { return std::min(ray.tfar, std::numeric_limits<float>::max()); }
+
+/// Whether an answer of this class has an error of t: it is right, and one t is. On a ray that lies in the
+/// plane of what it meets, many are.
+inline bool HasErrorOfT(const Truth& truth, Verdict verdict) {
+  return truth.hit && !truth.coplanar && verdict <= Verdict::kNeighbour;
+}
 
 /// |answer - truth| in ulp of float at the truth.
 double ErrorInUlp(float answer, double truth);

@@ -105,10 +105,9 @@ std::string AuditTruth(const Scene& scene, const rb_ray& ray, const Truth& truth
   bool coplanar = false;
   // Copies of a triangle are looked at once.
   std::map<std::array<float, 9>, std::optional<Meeting>> known;
-  if (ray.tnear < ray.tfar) {
+  if (ray.tnear < LastT(ray)) {
     const ExactLine line(ray);
-    const Number tnear(ray.tnear);
-    const auto until_tfar = [&](const Number& t) { return std::isinf(ray.tfar) || t <= Number(ray.tfar); };
+    const Number tnear(ray.tnear), tfar(LastT(ray));
     // Seen from afar, a line is near all triangles; constructing every point would take a minute.
     const Epick::Line_3 cheap_line(Epick::Point_3(ray.org[0], ray.org[1], ray.org[2]),
                                    Epick::Vector_3(ray.dir[0], ray.dir[1], ray.dir[2]));
@@ -127,7 +126,7 @@ std::string AuditTruth(const Scene& scene, const rb_ray& ray, const Truth& truth
       if (fresh) at->second = line.Meet(*corners[0], *corners[1], *corners[2]);
       if (!at->second) continue;
       const Meeting& meeting = *at->second;
-      const bool inside = meeting.last > tnear && until_tfar(meeting.t);
+      const bool inside = meeting.last > tnear && meeting.t <= tfar;
       if (meeting.in_plane) {
         coplanar = coplanar || inside;
       } else if (inside) {

@@ -120,4 +120,10 @@ std::string FileStem(const std::string& name) {
   return stem.empty() ? "scene" : stem;
 }
 
+std::string DistinctNames::operator()(const std::string& wanted) {
+  std::string name = wanted;
+  for (int n = 2; !given_.insert(name).second; ++n) name = fmt::format("{}_{}", wanted, n);
+  return name;
+}
+
 }  // namespace raybench

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -67,5 +68,15 @@ std::vector<uint32_t> PickSample(uint64_t n, uint64_t count, uint64_t seed, cons
 
 /// `name` as a file name: letters, digits, '-' and single '_'. Of a path, the stem of its last component.
 std::string FileStem(const std::string& name);
+
+/// Names of files that are written beside each other: each only once.
+class DistinctNames {
+ public:
+  /// `wanted`, or where that has been given before wanted_2, wanted_3, ...
+  std::string operator()(const std::string& wanted);
+
+ private:
+  std::set<std::string> given_;
+};
 
 }  // namespace raybench

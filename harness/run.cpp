@@ -123,7 +123,8 @@ class Run {
       if (FetchDefaultModel()) names.push_back(kDefaultModel);
       names.insert(names.end(), std::begin(kDefaultGenerators), std::end(kDefaultGenerators));
     }
-    std::set<std::string> seen, stems;
+    std::set<std::string> seen;
+    DistinctNames distinct;
     for (const std::string& name : names) {
       if (!seen.insert(name).second) throw InputError(fmt::format("scene '{}' is given twice", name));
       LoadOptions load;
@@ -132,10 +133,8 @@ class Run {
       scenes_.push_back(LoadWithProgress(name, load));
       const Scene& scene = scenes_.back();
       if (scene.primitive_count() == 0) throw InputError(fmt::format("scene '{}' has no primitives", name));
-      std::string stem = FileStem(name);
-      for (int n = 2; !stems.insert(stem).second; ++n) stem = fmt::format("{}_{}", FileStem(name), n);
       names_.push_back(name);
-      stems_.push_back(stem);
+      stems_.push_back(distinct(FileStem(name)));
       scene_notes_.push_back(Json(scene.stats.notes));
       ray_set_facts_.push_back(Json::array());
       oracles_.push_back(nullptr);

@@ -501,8 +501,7 @@ VerdictCounts JudgeAll(const Oracle& oracle, uint32_t query_kind, std::span<cons
   for (size_t i = 0; i < rays.size(); ++i) {
     ++counts.by_class[size_t(verdicts[i])];
     counts.strict += strict[i];
-    if (closest && truth[i].hit && verdicts[i] <= Verdict::kNeighbour)
-      errors.push_back(ErrorInUlp(hits[i].t, truth[i].t));
+    if (closest && HasErrorOfT(truth[i], verdicts[i])) errors.push_back(ErrorInUlp(hits[i].t, truth[i].t));
   }
   if (!errors.empty()) {
     std::sort(errors.begin(), errors.end());

@@ -42,10 +42,6 @@ struct TrueHit {
   double t;
 };
 
-/// Where the ray ends: at tfar, or where t is no float any more. By the contract a hit with no finite t is
-/// none.
-inline float LastT(const rb_ray& ray) { return std::min(ray.tfar, std::numeric_limits<float>::max()); }
-
 /// An oracle that can list true hits and near misses; judging follows from these.
 class JudgingOracle : public Oracle {
  public:

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <cstdlib>
@@ -259,6 +260,9 @@ class Verification {
           std::copy_n(set.rays.begin() + ptrdiff_t(first), rays.size(), rays.begin());
         };
         sources.push_back({s.set.Label(), s.set.rays.size(), s.set.query, fill});
+        if (s.set.invalid_rays > 0)
+          absent_.push_back(fmt::format("{}: {} of {} rays are invalid (RAYS.md) and became misses",
+                                        s.set.Label(), s.set.invalid_rays, s.set.rays.size()));
       }
       return sources;
     }
@@ -342,7 +346,7 @@ class Verification {
                      &verdicts));
     for (size_t i = 0; i < rays.size(); ++i) {
       const Truth& truth = chunk.truth[i];
-      if (row.query == RB_CLOSEST && truth.hit && verdicts[i] <= Verdict::kNeighbour)
+      if (row.query == RB_CLOSEST && HasErrorOfT(truth, verdicts[i]))
         row.t_errors.Add(ErrorInUlp(answers.hits[i].t, truth.t));
       const bool loose = result.claim == RB_CLAIM_EXACT && row.query == RB_CLOSEST &&
                          !oracle_->IsStrict(rays[i], truth, answers.hits[i]);
@@ -361,13 +365,15 @@ class Verification {
 
   void Report(double seconds) {
     progress_.Clear();
-    const ReplayContext context{scene_name(), options_.seed, options_.plugins, options_.drop_bad};
+    const ReplayContext context{scene_name(), options_.seed, options_.plugins, options_.drop_bad,
+                                scene().scale_exponent};
     std::string text =
         fmt::format("{}: {} triangles, {} procedural primitives; truth: {}; seed {}; {} rays audited\n",
                     scene_name(), scene().triangles.size(), scene().procedural_count(),
                     oracle_ ? oracle_->Name() : "none", options_.seed, audited_);
-    if (scene().scale_exponent != 0)
-      text += fmt::format("  coordinates below are those of the file times 2^{}\n", scene().scale_exponent);
+    if (const uint64_t left_out = scene().stats.degenerate_triangles + scene().stats.dropped_triangles)
+      text += fmt::format(
+          "  {} degenerate or bad triangles are left out; primitives are numbered without them\n", left_out);
     for (const std::string& note : absent_) text += fmt::format("  {}\n", note);
     SceneSum sum{scene_name(), scene().primitive_count(), seconds};
     for (Entrant& entrant : entrants_) {
@@ -413,7 +419,7 @@ class Verification {
     facts["audited"] = audited_;
     facts["notes"] = absent_;
     facts["structures"] = Json::array();
-    std::map<std::pair<std::string, uint32_t>, RaySet> sets;
+    std::map<std::pair<std::string, uint32_t>, std::pair<std::string, RaySet>> files;
     for (const Entrant& entrant : entrants_) {
       const VerifiedTree& result = entrant.result;
       facts["structures"].push_back(FactsOf(result));
@@ -425,18 +431,27 @@ class Verification {
       }
       for (const VerifyExample& example : result.examples) {
         Json entry = {{"scene", scene_name()}, {"structure", result.contestant.Spec()}};
-        entry.update(FactsOf(example));
+        entry.update(FactsOf(example, scene().scale_exponent));
+        if (HasFileForm(example.ray, scene())) {
+          auto [it, is_new] = files.try_emplace({result.contestant.Spec(), example.query});
+          auto& [file, set] = it->second;
+          if (is_new)
+            file = distinct_(fmt::format("{}-{}-{}", FileStem(scene_name()), FileStem(it->first.first),
+                                         QueryName(example.query))) +
+                   ".rays";
+          set.kind = "example", set.order = "recorded", set.query = example.query;
+          set.rays.push_back(example.ray);
+          entry["file"] = file;
+        } else {
+          entry["file"] = nullptr;  // its coordinates in the file's scale are no floats
+        }
         examples_.push_back(std::move(entry));
-        RaySet& set = sets[{result.contestant.Spec(), example.query}];
-        set.kind = "example", set.order = "recorded", set.query = example.query;
-        set.rays.push_back(example.ray);
       }
     }
-    for (auto& [key, set] : sets) {
+    for (auto& [key, named] : files) {
+      auto& [file, set] = named;
       Freeze(set, scene().bounds());
-      WriteRayFile(fs::path(options_.out) / fmt::format("{}-{}-{}.rays", FileStem(scene_name()),
-                                                        FileStem(key.first), QueryName(key.second)),
-                   set, scene(), SoftwareName());
+      WriteRayFile(fs::path(options_.out) / file, set, scene(), SoftwareName());
     }
     scene_facts_.push_back(std::move(facts));
   }
@@ -482,6 +497,7 @@ class Verification {
   size_t scene_index_ = 0;
   double work_ = 1, done_ = 0;  // rays of the scene
   bool broken_ = false, inconclusive_ = false;
+  DistinctNames distinct_;
   Json examples_ = Json::array(), scene_facts_ = Json::array();
   std::vector<Json> rows_;
   std::vector<SceneSum> sums_;
@@ -501,19 +517,52 @@ int RunVerify(const Registry& registry, const VerifyOptions& options) {
   return Verification(registry, options).Go();
 }
 
-int ReplayOneRay(const Registry& registry, const VerifyOptions& options, const rb_ray& ray) {
+namespace {
+
+constexpr const char* kItems[] = {"ox", "oy", "oz", "tnear", "dx", "dy", "dz", "tfar"};
+constexpr const char* kForm = "--replay: write ox,oy,oz,tnear,dx,dy,dz,tfar";
+
+/// Where the eight numbers begin.
+std::array<const char*, 8> ReadNumbers(const std::string& text) {
+  std::array<const char*, 8> numbers;
+  const char* at = text.c_str();
+  for (size_t i = 0; i < 8; ++i) {
+    char* end = nullptr;
+    std::strtod(numbers[i] = at, &end);
+    if (end == at || *end != (i < 7 ? ',' : '\0'))
+      throw InputError(fmt::format("{}; {} is not a number there", kForm, kItems[i]));
+    at = end + 1;
+  }
+  return numbers;
+}
+
+}  // namespace
+
+int ReplayOneRay(const Registry& registry, const VerifyOptions& options, const std::string& text) {
+  ReadNumbers(text);  // what is none is said at once
   const std::vector<Contestant> contestants = EveryArithmetic(registry, options.structures);
   LoadOptions load;
   load.seed = options.seed, load.drop_bad = options.drop_bad;
   const Scene scene = LoadWithProgress(options.scenes.at(0), load);
+  const auto [ray, rounded] = ParseRay(text, scene.scale_exponent);
   const auto oracle = MakeOracle(scene);
   const rb_geometry geometry = scene.Geometry();
   const std::vector<Truth> truth = oracle->Ask(std::span(&ray, 1), options.threads);
+  const auto in_file = [&](float x) {
+    const double value = std::ldexp(double(x), -scene.scale_exponent);
+    return double(float(value)) == value ? fmt::format("{}", float(value)) : fmt::format("{}", value);
+  };
   fmt::print(
       "{}: {} triangles, {} procedural primitives; truth: {}\nray {}\n  org {} {} {}, dir {} {} {}, "
       "t in ({}, {}]\n",
-      options.scenes[0], scene.triangles.size(), scene.procedural_count(), oracle->Name(), FormatRay(ray),
-      ray.org[0], ray.org[1], ray.org[2], ray.dir[0], ray.dir[1], ray.dir[2], ray.tnear, ray.tfar);
+      options.scenes[0], scene.triangles.size(), scene.procedural_count(), oracle->Name(),
+      FormatRay(ray, scene.scale_exponent), in_file(ray.org[0]), in_file(ray.org[1]), in_file(ray.org[2]),
+      in_file(ray.dir[0]), in_file(ray.dir[1]), in_file(ray.dir[2]), ray.tnear, ray.tfar);
+  if (!rounded.empty()) fmt::print("  {}\n", rounded);
+  if (scene.scale_exponent != 0)
+    fmt::print(
+        "  the scene, and with it the ray, is traced at 2^{} times the size in the file; t is the same\n",
+        scene.scale_exponent);
   bool broken = false;
   for (const Contestant& contestant : contestants) {
     ThrowIfInterrupted();
@@ -537,40 +586,47 @@ int ReplayOneRay(const Registry& registry, const VerifyOptions& options, const r
                                : "",
                  FormatExample({"replay", query, 0, ray, answers.hits[0], answers.occluded[0] != 0, truth[0],
                                 verdicts[0]}));
-      if (query == RB_CLOSEST && truth[0].hit && answers.hits[0].prim != RAYBENCH_NONE)
+      if (query == RB_CLOSEST && truth[0].hit && !truth[0].coplanar && answers.hits[0].prim != RAYBENCH_NONE)
         fmt::print("     t is off by {:.3g} ulp\n", ErrorInUlp(answers.hits[0].t, truth[0].t));
     }
   }
   return broken ? 1 : 0;
 }
 
-std::string FormatRay(const rb_ray& ray) {
-  return fmt::format("{:a},{:a},{:a},{:a},{:a},{:a},{:a},{:a}", double(ray.org[0]), double(ray.org[1]),
-                     double(ray.org[2]), double(ray.tnear), double(ray.dir[0]), double(ray.dir[1]),
-                     double(ray.dir[2]), double(ray.tfar));
+std::string FormatRay(const rb_ray& ray, int scale_exponent) {
+  const auto in_file = [&](float x) { return std::ldexp(double(x), -scale_exponent); };  // exact in double
+  return fmt::format("{:a},{:a},{:a},{:a},{:a},{:a},{:a},{:a}", in_file(ray.org[0]), in_file(ray.org[1]),
+                     in_file(ray.org[2]), double(ray.tnear), in_file(ray.dir[0]), in_file(ray.dir[1]),
+                     in_file(ray.dir[2]), double(ray.tfar));
 }
 
-rb_ray ParseRay(const std::string& text) {
-  static constexpr const char* kItems[] = {"ox", "oy", "oz", "tnear", "dx", "dy", "dz", "tfar"};
-  constexpr const char* kForm = "--replay: write ox,oy,oz,tnear,dx,dy,dz,tfar";
+TypedRay ParseRay(const std::string& text, int scale_exponent) {
   float values[8];
-  const char* at = text.c_str();
-  for (int i = 0; i < 8; ++i) {
-    char* end = nullptr;
-    const double value = std::strtod(at, &end);
-    values[i] = float(value);
-    if (end == at || *end != (i < 7 ? ',' : '\0'))
-      throw InputError(fmt::format("{}; {} is not a number there", kForm, kItems[i]));
-    if (!(double(values[i]) == value))
-      throw InputError(fmt::format("{}; {} = {} is no float", kForm, kItems[i], value));
-    at = end + 1;
+  std::string rounded;
+  const std::array<const char*, 8> numbers = ReadNumbers(text);
+  for (size_t i = 0; i < 8; ++i) {
+    const double value = std::strtod(numbers[i], nullptr);
+    const int exponent = i == 3 || i == 7 ? 0 : scale_exponent;
+    const double exact = std::ldexp(value, exponent);
+    values[i] = float(exact);
+    if (double(values[i]) != exact && !std::isnan(value)) {
+      // A decimal means the float that a file would have there; a scene's scale may take of its bits.
+      const float in_file = std::strtof(numbers[i], nullptr);
+      values[i] = std::ldexp(in_file, exponent);
+      if (std::isinf(values[i]) && !std::isinf(value))
+        throw InputError(
+            fmt::format("{}; {} = {} is beyond float{}", kForm, kItems[i], value,
+                        std::isinf(in_file) ? "" : " at the scale at which the scene is traced"));
+      rounded += fmt::format("{}{} = {:a} ({})", rounded.empty() ? "taken to the nearest float: " : ", ",
+                             kItems[i], std::ldexp(double(values[i]), -exponent), in_file);
+    }
   }
   const rb_ray ray{
       {values[0], values[1], values[2]}, values[3], {values[4], values[5], values[6]}, values[7]};
   if (!IsValidRay(ray))
     throw InputError(
         fmt::format("{}; finite but for tfar, tnear at least 0, and not all of the direction 0", kForm));
-  return ray;
+  return {ray, rounded};
 }
 
 }  // namespace raybench

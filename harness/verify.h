@@ -39,11 +39,18 @@ int RunVerify(const Registry& registry, const VerifyOptions& options);
 
 /// Judges one ray, given as ParseRay() reads it, in the only scene named, and prints all that is known of it.
 /// Exit code as above.
-int ReplayOneRay(const Registry& registry, const VerifyOptions& options, const rb_ray& ray);
+int ReplayOneRay(const Registry& registry, const VerifyOptions& options, const std::string& ray);
 
-/// "ox,oy,oz,tnear,dx,dy,dz,tfar", each a float as text that reads back to the same bits.
-std::string FormatRay(const rb_ray& ray);
-/// Throws InputError naming the item: not eight, not a float to the bit, or no valid ray.
-rb_ray ParseRay(const std::string& text);
+/// "ox,oy,oz,tnear,dx,dy,dz,tfar" in the coordinates of the file of a scene that is traced at
+/// 2^scale_exponent times its size: text that ParseRay() reads back to the same bits.
+std::string FormatRay(const rb_ray& ray, int scale_exponent);
+
+struct TypedRay {
+  rb_ray ray;           ///< as the scene is traced
+  std::string rounded;  ///< which numbers were no floats, and what they were taken for; empty: none
+};
+/// Numbers as files have them, decimal or hexadecimal. One that is no float is taken for the nearest. Throws
+/// InputError naming the item: not eight, beyond float, or no valid ray.
+TypedRay ParseRay(const std::string& text, int scale_exponent);
 
 }  // namespace raybench

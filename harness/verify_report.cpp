@@ -85,6 +85,14 @@ std::string ClaimLine(const VerifiedTree& tree) {
   return line;
 }
 
+/// As one word for a shell.
+std::string Quote(const std::string& text) {
+  if (text.find_first_of("\"$`\\!") == text.npos) return '"' + text + '"';
+  std::string quoted = "'";
+  for (char c : text) quoted += c == '\'' ? "'\\''" : std::string(1, c);
+  return quoted + "'";
+}
+
 std::string Primitives(const std::vector<uint32_t>& prims) {
   constexpr size_t kShown = 8;
   std::string text;
@@ -167,11 +175,11 @@ std::string FormatVerified(const VerifiedTree& tree, const ReplayContext& contex
 
 std::string ReplayCommand(const Contestant& contestant, const rb_ray& ray, const ReplayContext& context) {
   std::string line =
-      fmt::format("raybench verify \"{}\" --structures \"{}\"", context.scene, contestant.Spec());
-  for (const std::string& plugin : context.plugins) line += fmt::format(" --plugin \"{}\"", plugin);
+      fmt::format("raybench verify {} --structures {}", Quote(context.scene), Quote(contestant.Spec()));
+  for (const std::string& plugin : context.plugins) line += " --plugin " + Quote(plugin);
   if (context.seed != 1) line += fmt::format(" --seed {}", context.seed);
   if (context.drop_bad) line += " --drop-bad";
-  return line + fmt::format(" --replay \"{}\"", FormatRay(ray));
+  return line + fmt::format(" --replay \"{}\"", FormatRay(ray, context.scale_exponent));
 }
 
 std::string FormatExample(const VerifyExample& e) {
@@ -254,12 +262,12 @@ Json FactsOf(const VerifiedTree& tree) {
   return facts;
 }
 
-Json FactsOf(const VerifyExample& e) {
+Json FactsOf(const VerifyExample& e, int scale_exponent) {
   Json facts = {{"verdict", VerdictName(e.verdict)},
                 {"ray_set", e.set},
                 {"index", e.index},
                 {"query", e.query == RB_ANY ? "any" : "closest"},
-                {"ray", FormatRay(e.ray)}};
+                {"ray", FormatRay(e.ray, scale_exponent)}};
   if (e.query == RB_ANY) {
     facts["answer"] = {{"occluded", e.occluded}};
   } else if (e.hit.prim == RAYBENCH_NONE) {

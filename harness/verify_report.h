@@ -74,6 +74,7 @@ struct ReplayContext {
   uint64_t seed = 1;
   std::vector<std::string> plugins;
   bool drop_bad = false;
+  int scale_exponent = 0;  ///< of the scene
 };
 
 /// Worst first: 0 leak, 1 plain error, 2 what else breaks `claim`; 3 nothing to show.
@@ -92,6 +93,7 @@ std::string FormatUpperRate(uint64_t events, uint64_t trials);
 std::vector<std::string> VerdictColumns();
 std::vector<Json> VerdictRows(const VerifiedTree& tree);
 Json FactsOf(const VerifiedTree& tree);
-Json FactsOf(const VerifyExample& example);
+/// The ray in the coordinates of the scene's file.
+Json FactsOf(const VerifyExample& example, int scale_exponent);
 
 }  // namespace raybench

@@ -169,6 +169,8 @@ void WriteRayFile(const fs::path& path, const RaySet& set, const Scene& scene, c
   }
 }
 
+bool HasFileForm(rb_ray ray, const Scene& scene) { return Scale(ray, -scene.scale_exponent); }
+
 RayFileHeader ReadRayFileHeader(const fs::path& path) {
   uint64_t size = 0;
   std::ifstream in = Open(path, size);

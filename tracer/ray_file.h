@@ -39,6 +39,10 @@ struct RayFile {
 void WriteRayFile(const std::filesystem::path& path, const RaySet& set, const Scene& scene,
                   const std::string& software);
 
+/// Whether the ray can be brought back to the scale of the scene's file without loss, so that WriteRayFile()
+/// takes it.
+bool HasFileForm(rb_ray ray, const Scene& scene);
+
 /// Reads and checks the header, and the size of the file against it. Throws InputError naming the file and
 /// what is wrong: no regular file, too short, magic, version, checksum, count, a field that is not allowed.
 RayFileHeader ReadRayFileHeader(const std::filesystem::path& path);

@@ -6,12 +6,20 @@
 // such as start beyond 1.8e18, are answered here with a miss, directions shorter than 1e-18 or longer
 // than 1.8e18 are scaled; geometry is clean by contract. It cannot count, resume or skip. Embree orders hits
 // at equal t as it meets them; so ids at ties may differ from the lowest, which the verdict shows.
+//
+// Its answers are brought to the contract's interval (tnear, tfar]. The robust test takes the end tnear in,
+// so it is asked from the next float on, which is the same. Where products of subnormal numbers make t NaN or
+// put it outside, it is asked once more with a direction as long as it takes; what it cannot say then is a
+// miss.
 #include "accel/structures/embree.h"
 
 #include <fmt/format.h>
 #include <tbb/global_control.h>
 
+#include <algorithm>
 #include <atomic>
+#include <bit>
+#include <cmath>
 #include <memory>
 
 #include "accel/registry.h"
@@ -22,6 +30,7 @@ namespace raybench {
 namespace {
 
 constexpr unsigned kTriangles = 0, kProcedural = 1;  // geometry ids
+constexpr float kLongest = 1.844e18f;                // Embree's FLT_LARGE
 
 struct Release {
   void operator()(RTCDevice d) const { rtcReleaseDevice(d); }
@@ -103,10 +112,11 @@ class Embree {
     const rb_ray* const rays = query.rays;
     const size_t n = query.n;
     const RTCScene scene = scene_.get();
+    const bool open_end = config_.robust != 0;
     const uint32_t triangles = uint32_t(geometry_.triangle_count);
     const auto closest_hit = [&](const rb_ray& ray) -> rb_hit {
       RTCRayHit found;
-      found.ray = ToEmbree(ray);
+      found.ray = ToEmbree(ray, open_end);
       found.hit.geomID = RTC_INVALID_GEOMETRY_ID;
       found.hit.primID = RTC_INVALID_GEOMETRY_ID;
       found.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
@@ -119,14 +129,18 @@ class Embree {
       return {found.ray.tfar, found.hit.u, found.hit.v,
               found.hit.primID + (found.hit.geomID == kTriangles ? 0 : triangles)};
     };
+    const auto closest_inside = [&](const rb_ray& ray) -> rb_hit {
+      const rb_hit hit = closest_hit(ray);
+      return hit.t > ray.tnear && hit.t <= ray.tfar ? hit : AskAgain(ray, hit, closest_hit);
+    };
     if (query.kind == RB_ANY) {
       uint8_t* const occluded = query.occluded;
       for (size_t i = 0; i < n; ++i) {
         if (!IsTaken(rays[i])) [[unlikely]] {
-          occluded[i] = TraceUnusual(rays[i], closest_hit).prim != RAYBENCH_NONE;
+          occluded[i] = TraceUnusual(rays[i], closest_inside).prim != RAYBENCH_NONE;
           continue;
         }
-        RTCRay ray = ToEmbree(rays[i]);
+        RTCRay ray = ToEmbree(rays[i], open_end);
         const bool asked = ray.tfar >= 0;
         if (asked) [[likely]] {
 #if RAYBENCH_EMBREE_MAJOR >= 4
@@ -141,7 +155,7 @@ class Embree {
     }
     rb_hit* const hits = query.hits;
     for (size_t i = 0; i < n; ++i) {
-      hits[i] = IsTaken(rays[i]) ? closest_hit(rays[i]) : TraceUnusual(rays[i], closest_hit);
+      hits[i] = IsTaken(rays[i]) ? closest_inside(rays[i]) : TraceUnusual(rays[i], closest_inside);
     }
   }
 
@@ -151,9 +165,11 @@ class Embree {
   RTCScene scene() const { return scene_.get(); }
 
  private:
-  static RTCRay ToEmbree(const rb_ray& in) {
+  /// `open_end`: for a test that takes tnear in, the interval begins at the float after it.
+  static RTCRay ToEmbree(const rb_ray& in, bool open_end) {
     RTCRay ray;
-    ray.org_x = in.org[0], ray.org_y = in.org[1], ray.org_z = in.org[2], ray.tnear = in.tnear;
+    ray.org_x = in.org[0], ray.org_y = in.org[1], ray.org_z = in.org[2];
+    ray.tnear = std::bit_cast<float>((std::bit_cast<uint32_t>(in.tnear) & 0x7FFFFFFF) + open_end);
     ray.dir_x = in.dir[0], ray.dir_y = in.dir[1], ray.dir_z = in.dir[2], ray.time = 0;
     ray.tfar = in.tfar, ray.mask = unsigned(-1), ray.id = 0, ray.flags = 0;
     return ray;
@@ -161,7 +177,7 @@ class Embree {
 
   /// What Embree takes without an assertion (components up to its FLT_LARGE) and without answering t = NaN
   /// (it takes no reciprocal of less than 1e-18).
-  static bool IsTaken(const rb_ray& ray) { return IsRayWithin(ray, 1.844e18f, 1.844e18f, 1e-18f); }
+  static bool IsTaken(const rb_ray& ray) { return IsRayWithin(ray, kLongest, kLongest, 1e-18f); }
 
   /// The others: what is valid, with a direction of length about 1, if Embree takes that; else a miss.
   template <class Trace>
@@ -173,6 +189,24 @@ class Embree {
       if (IsTaken(scaled.ray)) hit = trace(scaled.ray);
     });
     return hit;
+  }
+
+  /// After an answer whose t is NaN or lies outside the ray's interval; a miss at tfar is no such answer.
+  template <class Trace>
+  static rb_hit AskAgain(const rb_ray& ray, const rb_hit& answer, const Trace& trace) {
+    if (answer.prim == RAYBENCH_NONE) return answer;
+    const FloatState ieee;
+    constexpr float kMax = std::numeric_limits<float>::max();
+    const float* const d = ray.dir;
+    const int e =
+        std::ilogb(kLongest) - 1 - std::ilogb(std::max({std::fabs(d[0]), std::fabs(d[1]), std::fabs(d[2])}));
+    rb_ray longer = ray;
+    for (float& x : longer.dir) x = std::ldexp(x, e);
+    longer.tnear = std::ldexp(ray.tnear, -e), longer.tfar = std::ldexp(std::min(ray.tfar, kMax), -e);
+    rb_hit hit = trace(longer);
+    hit.t = std::ldexp(hit.t, e);
+    const bool is_inside = hit.prim != RAYBENCH_NONE && hit.t > ray.tnear && hit.t <= ray.tfar;
+    return is_inside ? hit : rb_hit{ray.tfar, 0, 0, RAYBENCH_NONE};
   }
 
   void AttachTriangles() {
@@ -187,11 +221,11 @@ class Embree {
   void AttachProcedural() {
     RTCGeometry g = rtcNewGeometry(device_.get(), RTC_GEOMETRY_TYPE_USER);
     rtcSetGeometryUserPrimitiveCount(g, unsigned(geometry_.procedural_count));
-    rtcSetGeometryUserData(g, const_cast<rb_geometry*>(&geometry_));
+    rtcSetGeometryUserData(g, this);
     rtcSetGeometryBoundsFunction(
         g,
         [](const RTCBoundsFunctionArguments* args) {
-          const auto& geometry = *static_cast<const rb_geometry*>(args->geometryUserPtr);
+          const rb_geometry& geometry = static_cast<const Embree*>(args->geometryUserPtr)->geometry_;
           float lo[3], hi[3];
           geometry.procedural_bounds(geometry.procedural_user, args->primID, lo, hi);
           *args->bounds_o = {lo[0], lo[1], lo[2], 0, hi[0], hi[1], hi[2], 0};
@@ -218,9 +252,11 @@ class Embree {
   }
 
   static bool IntersectProcedural(const void* user, unsigned prim, const RTCRay& ray, rb_hit& hit) {
-    const auto& geometry = *static_cast<const rb_geometry*>(user);
-    const rb_ray query{
-        {ray.org_x, ray.org_y, ray.org_z}, ray.tnear, {ray.dir_x, ray.dir_y, ray.dir_z}, ray.tfar};
+    const auto& self = *static_cast<const Embree*>(user);
+    const rb_geometry& geometry = self.geometry_;
+    // This test leaves tnear out by itself.
+    const float tnear = std::bit_cast<float>(std::bit_cast<uint32_t>(ray.tnear) - (self.config_.robust != 0));
+    const rb_ray query{{ray.org_x, ray.org_y, ray.org_z}, tnear, {ray.dir_x, ray.dir_y, ray.dir_z}, ray.tfar};
     constexpr uint32_t kFast = 0;
     return geometry.procedural_intersect(geometry.procedural_user, prim, kFast, &query, &hit) != 0;
   }

@@ -113,6 +113,7 @@ GltfContainer::GltfContainer(const fs::path& path) : path_(path) {
     Fail("is larger than 4 GiB, the limit of GLB");
   file_ = ReadFile(path);
   size_ = file_.size();
+  if (file_.starts_with("\xFF\xFE") || file_.starts_with("\xFE\xFF")) MakePlain(path_, file_);
   size_t start = file_.starts_with("\xEF\xBB\xBF") ? 3 : 0;
   start = std::min(file_.find_first_not_of(" \t\r\n", start), file_.size());
   if (start < file_.size() && file_[start] == '{') {

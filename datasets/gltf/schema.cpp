@@ -53,6 +53,7 @@ constexpr Rule kRules[] = {
     {"nodes[].extensions", Type::kObject},
     {"nodes[].extensions{}", Type::kObject},
     {"nodes[].extensions.KHR_lights_punctual.light", Type::kIndex, true},
+    {"nodes[].extensions.KHR_node_visibility.visible", Type::kBool},
     {"nodes[].extensions.EXT_mesh_gpu_instancing.attributes", Type::kObject, true},
     {"nodes[].extensions.EXT_mesh_gpu_instancing.attributes{}", Type::kIndex},
     {"meshes", Type::kArray},
@@ -272,7 +273,8 @@ std::string CheckVersion(const json& root) {
     auto version = asset->find(key);
     if (version == asset->end() || !(version->is_string() || version->is_number())) continue;
     const std::string text = version->is_string() ? version->get<std::string>() : version->dump();
-    if (!text.starts_with("2."))
+    // A later 2.x is read as far as 2.0 goes, unless the file says that this is not enough.
+    if (!text.starts_with("2.") || (key == std::string_view("minVersion") && text != "2.0"))
       return fmt::format("is glTF {} (asset.{}); 2.0 is read", text.substr(0, 20), key);
   }
   return {};
@@ -304,7 +306,7 @@ std::string CheckRequired(const json& root) {
   for (const json& item : *required) {
     const std::string& name = item.get_ref<const std::string&>();
     // Read, or without influence on which triangles there are.
-    if (name == "KHR_lights_punctual" || name == "KHR_mesh_quantization" ||
+    if (name == "KHR_lights_punctual" || name == "KHR_mesh_quantization" || name == "KHR_node_visibility" ||
         name == "EXT_mesh_gpu_instancing" || name.starts_with("KHR_materials_") ||
         name.starts_with("KHR_texture_") || name.starts_with("EXT_texture_") ||
         name.starts_with("MSFT_texture_") || name.starts_with("KHR_xmp"))
