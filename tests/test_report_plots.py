@@ -40,7 +40,7 @@ def case(spec, scene, ray_set, query, noise, threads=1, **changes):
         "rate": 1e9 / median * (primitives if query == "build" else 1),
     }  # fmt: skip
     if query != "build":
-        row |= {"ray_hash": "0abc", "order": "traced", "rays": rays, "oracle": "cgal", "hits": rays // 2}
+        row |= {"ray_hash": "0abc", "order": "traced", "rays": rays, "timed_rays": rays, "oracle": "cgal", "hits": rays // 2}
         row |= dict.fromkeys(results.VERDICTS, 0)
         if leaks is None:
             row |= dict.fromkeys(results.VERDICTS, "")
