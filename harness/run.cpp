@@ -54,11 +54,11 @@ constexpr double kUsualSets = 11;
 /// a second; in a quick run a quarter of it.
 constexpr double kLinearBudget = 0x1p25;
 
-/// Triangles whose overlap with strange nodes is measured.
-constexpr uint64_t kTreeSamples = 1 << 14;
+/// Triangles whose overlap with strange nodes is measured, and lines that meet bounds; also of a quick run.
+constexpr uint64_t kTreeSamples = 1 << 14, kQuickTreeSamples = 1 << 12;
 
-/// Pixels across the heat maps of the report.
-constexpr uint32_t kHeatSide = 256;
+/// Pixels across the heat maps of the report, and of a quick run's.
+constexpr uint32_t kHeatSide = 256, kQuickHeatSide = 128;
 
 /// Seconds that drawing the report takes, more or less.
 constexpr double kReportGuess = 12;
@@ -228,7 +228,7 @@ class Run {
       for (uint32_t t : BuildThreads()) plan(Work::kBuild, spec, 3e-6 * primitives / t);
       plan(Work::kTree, spec, 3e-6 * primitives);
       plan(Work::kCheck, spec, 4 * asked / threads);
-      if (replayed_.empty()) plan(Work::kHeat, spec, 2e-6 * kHeatSide * kHeatSide / threads);
+      if (replayed_.empty()) plan(Work::kHeat, spec, 2e-6 * HeatSide() * HeatSide() / threads);
       const double cases = sets * double(QueryThreads().size());
       plan(Work::kFirstPasses, spec, cases * 0.25 * budget_.seconds);
       plan(Work::kTiming, spec, (cases + double(BuildThreads().size())) * budget_.seconds);
@@ -484,6 +484,8 @@ class Run {
     return options_.threads.empty() ? std::vector<uint32_t>{1} : options_.threads;
   }
 
+  uint32_t HeatSide() const { return options_.quick ? kQuickHeatSide : kHeatSide; }
+
   std::vector<Entrant> Plan(const std::vector<PreparedSet>& sets) {
     const double budget = options_.quick ? kLinearBudget / 4 : kLinearBudget;
     std::vector<Entrant> entrants;
@@ -581,9 +583,9 @@ class Run {
     std::string flaw;
     if (const auto statistics = ReadTree(entrant.tree, geometry)) {
       flaw = statistics->flaw;
-      AddTreeValues(entrant, *statistics,
-                    EndPointOverlap(entrant.tree, geometry, kTreeSamples, options_.seed),
-                    BoundTightness(entrant.tree, geometry, kTreeSamples, options_.seed));
+      const uint64_t samples = options_.quick ? kQuickTreeSamples : kTreeSamples;
+      AddTreeValues(entrant, *statistics, EndPointOverlap(entrant.tree, geometry, samples, options_.seed),
+                    BoundTightness(entrant.tree, geometry, samples, options_.seed));
     }
     Begin(Work::kCheck, spec, "checking " + spec);
     entrant.set_values.assign(sets.size(), Json::object());
@@ -620,7 +622,7 @@ class Run {
         entrant.too_slow ? "is too slow for full ray sets" : WhyNotCounted(structure, scene());
     if (!why.empty()) return files.AddNotCounted(spec, why);
     HeatOptions heat;
-    heat.width = heat.height = kHeatSide;
+    heat.width = heat.height = HeatSide();
     files.Add(spec, CountPerPixel(scene(), entrant.tree, heat));
   }
 

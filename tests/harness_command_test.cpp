@@ -242,8 +242,9 @@ TEST_F(HarnessCommand, TinyRunLeavesEveryFileWithEveryColumn) {
     EXPECT_EQ(row.at("timed_rays"), row.at("rays")) << "nothing is below the smallest part";
     EXPECT_EQ(row.at("anchor"), row.at("query") == "build" ? "" : "bvh_sah")
         << "not what looks at everything";
-    if (row.at("structure") == "bvh_sah")
+    if (row.at("structure") == "bvh_sah") {
       EXPECT_EQ(row.at("anchor_ns"), row.at("query") == "build" ? "" : row.at("median_ns"));
+    }
     EXPECT_EQ(row.at("seed"), "3");
     EXPECT_GT(std::stod(row.at("median_ns")), 0);
     EXPECT_LE(std::stod(row.at("lo_ns")), std::stod(row.at("median_ns")));
@@ -378,7 +379,9 @@ TEST_F(HarnessCommand, ASlowCaseIsTimedOnAPartAndTheAnchorBesideItOnTheSame) {
   }
   EXPECT_EQ(anchored.size(), 2u) << "one time of the anchor a part, for all rows";
   for (const auto& row : ReadCsv(folder_ / "out" / "samples.csv"))
-    if (row.at("query") != "build") EXPECT_EQ(row.at("rays"), "1024");
+    if (row.at("query") != "build") {
+      EXPECT_EQ(row.at("rays"), "1024");
+    }
 }
 
 TEST_F(HarnessCommand, RepetitionsAskedForAreKeptWhateverTheyCost) {
@@ -457,7 +460,9 @@ TEST_F(HarnessCommand, ASetOfInvalidRaysGetsNoTimeAndNoVerdict) {
   EXPECT_EQ(Call(both).exit_code, 0);
   for (const auto& row : ReadCsv(folder_ / "both" / "cases.csv")) {
     EXPECT_EQ(row.at("status"), row.at("ray_set") == "zero_dir_nan" ? "skipped" : "timed");
-    if (row.at("ray_set") == "zero_dir_nan") EXPECT_EQ(row.at("verified"), "");
+    if (row.at("ray_set") == "zero_dir_nan") {
+      EXPECT_EQ(row.at("verified"), "");
+    }
   }
 }
 
