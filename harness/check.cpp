@@ -5,6 +5,8 @@
 #include <cmath>
 #include <cstring>
 
+#include "tracer/tracer.h"
+
 namespace raybench {
 namespace {
 
@@ -77,7 +79,7 @@ std::string ContractFlaw(const RaySet& set, const Answers& answers, uint64_t pri
 std::string CheckAnswers(const Tree& tree, const Oracle& oracle, uint64_t primitives,
                          const PreparedSet& prepared, Json& values, Answers& answers, Answers& counted) {
   const RaySet& set = prepared.set;
-  tree.Query(answers.Ask(set));
+  QueryParallel(tree, answers.Ask(set), 0);
   if (std::string flaw = ContractFlaw(set, answers, primitives); !flaw.empty()) return flaw;
 
   std::vector<rb_hit> hits;
@@ -109,7 +111,7 @@ std::string CheckAnswers(const Tree& tree, const Oracle& oracle, uint64_t primit
 
   if ((tree.structure().capabilities & RB_CAN_COUNT) == 0) return {};
   std::vector<rb_counts> counts(set.rays.size());
-  tree.QueryCounted(counted.Ask(set, counts.data()));
+  QueryParallel(tree, counted.Ask(set, counts.data()), 0);
   if (std::string flaw = Difference(set, answers, counted); !flaw.empty()) return flaw;
   rb_counts sum = {};
   for (const rb_counts& c : counts) {

@@ -44,10 +44,10 @@ const char* ClaimName(uint32_t claim);
 /// does.
 std::string ContractFlaw(const RaySet& set, const Answers& answers, uint64_t primitives);
 
-/// Asks `tree`, through the instantiation that is timed, about the whole set and fills the columns of
-/// verdict, hits and counters in `values`. Returns, in words, what breaks the tree's claim or the contract
-/// (malformed answers, counted answers that differ from uncounted ones); empty if nothing does. `answers` and
-/// `counted` hold at least as many rays as the set and are overwritten.
+/// Asks `tree`, through the instantiation that is timed and on all threads, about the whole set and fills the
+/// columns of verdict, hits and counters in `values`. Returns, in words, what breaks the tree's claim or the
+/// contract (malformed answers, counted answers that differ from uncounted ones); empty if nothing does.
+/// `answers` and `counted` hold at least as many rays as the set and are overwritten.
 std::string CheckAnswers(const Tree& tree, const Oracle& oracle, uint64_t primitives,
                          const PreparedSet& prepared, Json& values, Answers& answers, Answers& counted);
 

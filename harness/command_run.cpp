@@ -44,7 +44,18 @@ void AddOptions(CLI::App& command, RunArguments& arguments) {
       ->transform(CLI::AsSizeValue(false))
       ->check(CLI::Range(uint64_t{1}, uint64_t{1} << 28))
       ->type_name("N");
-  command.add_option("--repetitions", run.repetitions, "Samples of a case; default 9, quick 6")
+  command
+      .add_option(
+          "--budget", run.budget,
+          "Seconds that timing a case may take; default 0.36, quick 0.06, or as much a sample with "
+          "--repetitions. What is too slow for that is timed on a part of its rays (1/4, 1/16, ... of "
+          "the tiles; column timed_rays), the anchor beside it on the same part; builds get fewer "
+          "samples. Verdicts and counters are of all rays")
+      ->check(CLI::Range(0.001, 86400.0))
+      ->type_name("SECONDS");
+  command
+      .add_option("--repetitions", run.repetitions,
+                  "Samples of every case; default 9, quick 6, fewer where the budget is too short")
       ->check(CLI::Range(1u, 10000u))
       ->type_name("N");
   command.add_option("--threads", run.threads, "Thread counts; default 1, for builds 1 and all")
@@ -56,7 +67,12 @@ void AddOptions(CLI::App& command, RunArguments& arguments) {
       ->check(CLI::Range(0u, 64u))
       ->type_name("N");
   command.add_option("--seed", run.seed, "Seed of everything random; default 1")->type_name("N");
-  command.add_option("--memory-limit", run.memory_limit, "What a tree and its building may take, such as 8G")
+  command
+      .add_option(
+          "--memory-limit", run.memory_limit,
+          "What the trees held at once, the anchor's among them, and a building may take together, such "
+          "as 8G; default: half of the memory there is. Trees that are too many are timed in groups, "
+          "each with the anchor")
       ->transform(CLI::AsSizeValue(false))
       ->type_name("BYTES");
   command.add_flag("--shuffled", run.shuffled, "Time a shuffled twin of each traced ray set too");
@@ -64,8 +80,8 @@ void AddOptions(CLI::App& command, RunArguments& arguments) {
   command.add_flag("--resume", run.resume, "Go on in --out and keep the cases that are there");
   command.add_flag("--no-report", arguments.no_report, "Draw no plots");
   command.footer(
-      "Arguments --benchmark_... go to Google Benchmark, such as --benchmark_min_time=0.1 or "
-      "--benchmark_filter=camera.");
+      "Of Google Benchmark's arguments --benchmark_min_time=SECONDS (of a sample) and "
+      "--benchmark_filter=REGEX (of scene/structure/ray set/order/query/threads:N) are taken.");
 }
 
 }  // namespace

@@ -4,11 +4,13 @@
 #include <OpenMesh/Core/System/config.h>
 #include <fmt/format.h>
 #include <sched.h>
+#include <sys/resource.h>
 #include <sys/utsname.h>
 #include <tbb/version.h>
 #include <unistd.h>
 
 #include <CLI/Version.hpp>
+#include <algorithm>
 #include <fstream>
 #include <set>
 #include <string>
@@ -78,6 +80,30 @@ Json EmbreeFacts() {
 #endif
 
 }  // namespace
+
+uint64_t UsableMemory() {
+  uint64_t bytes = uint64_t(sysconf(_SC_PHYS_PAGES)) * uint64_t(sysconf(_SC_PAGE_SIZE));
+  rlimit limit;
+  if (getrlimit(RLIMIT_AS, &limit) == 0) bytes = std::min<uint64_t>(bytes, limit.rlim_cur);
+  // Each line: number, controllers (none: version 2), group. A limit of any group above holds too.
+  std::ifstream groups("/proc/self/cgroup");
+  for (std::string line; std::getline(groups, line);) {
+    const size_t first = line.find(':'), second = line.find(':', first + 1);
+    if (second == std::string::npos) continue;
+    const std::string controllers = line.substr(first + 1, second - first - 1);
+    if (!controllers.empty() && controllers != "memory") continue;
+    const std::string root = controllers.empty() ? "/sys/fs/cgroup" : "/sys/fs/cgroup/memory";
+    const char* file = controllers.empty() ? "/memory.max" : "/memory.limit_in_bytes";
+    for (std::string group = line.substr(second + 1);;
+         group.erase(std::min(group.rfind('/'), group.size()))) {
+      if (group == "/") group.clear();
+      std::ifstream in(root + group + file);
+      if (uint64_t value; in >> value) bytes = std::min(bytes, value);  // or the word "max"
+      if (group.empty()) break;
+    }
+  }
+  return bytes;
+}
 
 uint64_t ResidentMemory() { return StatusBytes("VmRSS"); }
 uint64_t PeakMemory() { return StatusBytes("VmHWM"); }

@@ -20,6 +20,8 @@ std::string SoftwareName();
 /// Whether the exact oracle over CGAL is built in.
 bool HasCgalOracle();
 
+/// Bytes that this process may take at most: the machine's memory, or what its cgroup or `ulimit -v` leaves.
+uint64_t UsableMemory();
 /// Bytes of this process resident now, and the most since ResetPeakMemory(); 0 when the system does not tell.
 uint64_t ResidentMemory();
 uint64_t PeakMemory();

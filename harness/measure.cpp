@@ -6,6 +6,7 @@
 #include <time.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <cstring>
 #include <map>
 #include <sstream>
@@ -17,7 +18,6 @@ namespace raybench {
 namespace {
 
 bool g_user_sets_min_time = false;
-uint32_t g_repetitions = 1;
 std::string g_remarks;
 
 double ReadClock(clockid_t clock) {
@@ -51,14 +51,10 @@ class Collector : public benchmark::BenchmarkReporter {
     for (const Run& run : runs) {
       if (run.run_type != Run::RT_Iteration) continue;
       Measurement& result = results_[index_.at(run.run_name.function_name)];
-      if (Failed(run)) {
-        result.status = MeasureStatus::kInterrupted;
-        continue;
-      }
-      if (result.status == MeasureStatus::kFilteredOut) result.status = MeasureStatus::kTimed;
+      if (Failed(run)) continue;
       const double passes = double(run.iterations);
       Sample sample;
-      sample.sample = result.samples.size();
+      sample.sample = result.size();
       sample.sequence = uint64_t(run.counters.at("sequence").value);
       sample.passes = uint64_t(run.iterations);
       sample.time = {run.real_accumulated_time / passes, run.cpu_accumulated_time / passes};
@@ -66,7 +62,7 @@ class Collector : public benchmark::BenchmarkReporter {
       if (auto cpu = run.counters.find("build_cpu"); cpu != run.counters.end()) {
         sample.time.cpu = cpu->second.value / passes;
       }
-      result.samples.push_back(sample);
+      result.push_back(sample);
     }
   }
 
@@ -111,25 +107,59 @@ Pinned::~Pinned() {
   sched_setaffinity(0, sizeof allowed, &allowed);
 }
 
-void InitialiseEngine(const std::vector<std::string>& flags, uint32_t repetitions) {
-  g_repetitions = repetitions;
-  // The engine keeps the pointer to the first word.
-  static std::vector<std::string> words;
-  words = {"raybench", "--benchmark_enable_random_interleaving=true",
-           fmt::format("--benchmark_repetitions={}", repetitions)};
+EngineFlags::EngineFlags(const std::vector<std::string>& flags) {
   for (const std::string& flag : flags) {
-    words.push_back(flag);
-    if (flag.starts_with("--benchmark_min_time")) g_user_sets_min_time = true;
-    if (flag.starts_with("--benchmark_repetitions")) {
-      throw InputError("--benchmark_repetitions: say --repetitions instead");
+    const size_t equals = std::min(flag.find('='), flag.size());
+    const std::string name = flag.substr(0, equals), value = flag.substr(std::min(equals + 1, flag.size()));
+    if (name == "--benchmark_filter") {
+      // The engine's own reading: this keyword and nothing at all mean everything.
+      filter_ = value == "all" ? "" : value;
+      const bool negative = filter_.starts_with('-');
+      try {
+        if (!filter_.empty()) expression_.emplace(filter_.substr(negative), std::regex::extended);
+      } catch (const std::regex_error&) {
+        throw InputError(fmt::format("{}: not a regular expression (POSIX, extended)", flag));
+      }
+    } else if (name == "--benchmark_min_time") {
+      const std::string number = value.ends_with('s') ? value.substr(0, value.size() - 1) : value;
+      char* end = nullptr;
+      const double seconds = std::strtod(number.c_str(), &end);
+      if (number.empty() || *end != 0 || !(seconds > 0 && seconds <= 3600))
+        throw InputError(fmt::format("{}: seconds are wanted, above 0 and at most 3600", flag));
+      min_time_ = seconds;
+    } else {
+      throw InputError(fmt::format(
+          "{}: of Google Benchmark's arguments a run takes --benchmark_filter and --benchmark_min_time{}",
+          flag, name == "--benchmark_repetitions" ? "; say --repetitions instead" : ""));
     }
   }
+}
+
+bool EngineFlags::Takes(const std::string& name) const {
+  return !expression_ || std::regex_search(name, *expression_) != filter_.starts_with('-');
+}
+
+void InitialiseEngine(const EngineFlags& flags) {
+  // The engine keeps the pointer to the first word. It takes defaults from variables BENCHMARK_... of the
+  // environment, so what would matter is said.
+  static std::vector<std::string> words;
+  words = {"raybench",
+           "--benchmark_enable_random_interleaving=true",
+           "--benchmark_filter=.",
+           "--benchmark_list_tests=false",
+           "--benchmark_out=",
+           "--benchmark_out_format=json",
+           "--benchmark_format=console",
+           "--benchmark_perf_counters=",
+           "--benchmark_min_warmup_time=0"};
+  g_user_sets_min_time = flags.min_time().has_value();
+  if (flags.min_time()) words.push_back(fmt::format("--benchmark_min_time={}", *flags.min_time()));
   std::vector<char*> argv;
   for (std::string& word : words) argv.push_back(word.data());
   int argc = int(argv.size());
   argv.push_back(nullptr);
   benchmark::Initialize(&argc, argv.data());
-  if (argc > 1) throw InputError(fmt::format("Google Benchmark cannot read '{}'", argv[1]));
+  if (argc > 1) throw std::logic_error(fmt::format("Google Benchmark cannot read '{}'", argv[1]));
 }
 
 std::string EngineRemarks() { return g_remarks; }
@@ -140,7 +170,8 @@ std::vector<Measurement> Measure(const std::vector<TimedTask>& tasks,
   if (tasks.empty()) return results;
   std::map<std::string, size_t> index;
   uint64_t sequence = 0;
-  const double total = double(tasks.size()) * g_repetitions;
+  double total = 1e-9, done = 0;
+  for (const TimedTask& task : tasks) total += task.sample_cost * task.samples;
 
   for (size_t i = 0; i < tasks.size(); ++i) {
     const TimedTask& task = tasks[i];
@@ -150,7 +181,8 @@ std::vector<Measurement> Measure(const std::vector<TimedTask>& tasks,
         state.SkipWithError("interrupted");
         return;
       }
-      progress(std::min(1.0, double(sequence) / total));
+      progress(std::min(1.0, done / total));
+      done += task.sample_cost;
       const double place = double(sequence++);
       if (task.build) {
         double cpu = 0;
@@ -175,6 +207,7 @@ std::vector<Measurement> Measure(const std::vector<TimedTask>& tasks,
       state.counters["sequence"] = place;
     });
     registered->ReportAggregatesOnly(false);
+    registered->Repetitions(int(task.samples));
     if (task.build) registered->UseManualTime();
     if (task.parallel) registered->MeasureProcessCPUTime();
     if (task.parallel && !task.build) registered->UseRealTime();
@@ -185,13 +218,8 @@ std::vector<Measurement> Measure(const std::vector<TimedTask>& tasks,
   Collector collector(index, results);
   benchmark::RunSpecifiedBenchmarks(&collector);
   benchmark::ClearRegisteredBenchmarks();
-  if (Interrupted()) {
-    for (Measurement& result : results) {
-      if (result.status == MeasureStatus::kTimed && result.samples.size() < g_repetitions) {
-        result.status = MeasureStatus::kInterrupted;
-      }
-    }
-  }
+  for (size_t i = 0; i < tasks.size(); ++i)
+    if (results[i].size() < tasks[i].samples) results[i].clear();  // interrupted
   return results;
 }
 

@@ -4,6 +4,8 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
+#include <regex>
 #include <string>
 #include <vector>
 
@@ -48,30 +50,46 @@ struct Sample {
 
 /// What is timed. Exactly one of `pass` and `build` is set.
 struct TimedTask {
-  std::string name;                ///< what --benchmark_filter sees
+  std::string name;                ///< unique
   std::function<void()> pass;      ///< one pass over a ray set; an untimed one goes before each sample
   std::function<Seconds()> build;  ///< measures itself, since destroying the tree is no part of it
   uint64_t passes = 1;             ///< passes a sample, unless the user chose --benchmark_min_time
+  uint32_t samples = 1;            ///< repetitions
+  double sample_cost = 0;          ///< expected seconds a sample, for the progress
   bool warm_up = true;             ///< one untimed pass before each sample
   bool parallel = false;           ///< more than one thread: not pinned, the whole process's CPU time
 };
 
-enum class MeasureStatus { kTimed, kFilteredOut, kInterrupted };
-struct Measurement {
-  MeasureStatus status = MeasureStatus::kFilteredOut;
-  std::vector<Sample> samples;
+/// Samples of one task; none where the run was interrupted before all were there.
+using Measurement = std::vector<Sample>;
+
+/// What a run takes of the arguments "--benchmark_..."; the rest of what Google Benchmark knows would end the
+/// process, write files of its own or change what is measured.
+class EngineFlags {
+ public:
+  /// Throws InputError naming the argument that is not taken or cannot be read.
+  explicit EngineFlags(const std::vector<std::string>& flags);
+  /// Whether --benchmark_filter lets a case of this name through: it holds the regular expression (POSIX,
+  /// extended), or with '-' in front of that does not.
+  bool Takes(const std::string& name) const;
+  const std::string& filter() const { return filter_; }         ///< as given; empty: none
+  std::optional<double> min_time() const { return min_time_; }  ///< seconds
+
+ private:
+  std::string filter_;
+  std::optional<std::regex> expression_;
+  std::optional<double> min_time_;
 };
 
-/// Hands `flags` ("--benchmark_...") to the engine, after our defaults: random interleaving and
-/// `repetitions`. Call once. Throws InputError naming a flag that the engine does not take.
-void InitialiseEngine(const std::vector<std::string>& flags, uint32_t repetitions);
+/// Sets the engine up: random interleaving, and `flags`. Call once.
+void InitialiseEngine(const EngineFlags& flags);
 
 /// What the engine says of itself and of the machine, word for word; it warns here if it was built without
 /// optimisation. Known after the first Measure().
 std::string EngineRemarks();
 
-/// Times all tasks as one group, in the order of the result. `progress` is told the fraction done, outside
-/// the clock.
+/// Times all tasks as one group, in the order of the result. `progress` is told the fraction of the expected
+/// time that is done, outside the clock.
 std::vector<Measurement> Measure(const std::vector<TimedTask>& tasks,
                                  const std::function<void(double)>& progress);
 

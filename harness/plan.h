@@ -40,6 +40,7 @@ struct RunOptions {
   /// `rays` 0 with `ray_files`: whole files.
   uint64_t rays = 0, verify_rays = 0, memory_limit = 0, seed = 1;
   uint32_t repetitions = 0, depth = 2;
+  double budget = 0;                         ///< seconds of timing a case
   std::vector<std::string> benchmark_flags;  ///< "--benchmark_..." as given
   std::vector<std::string> command_line;
 
@@ -47,6 +48,8 @@ struct RunOptions {
   uint64_t RaysVerified() const { return verify_rays != 0 ? verify_rays : quick ? 1024 : 4096; }
   /// Six samples are the fewest that have an interval of 95 %.
   uint32_t Repetitions() const { return repetitions != 0 ? repetitions : quick ? 6 : 9; }
+  /// More samples by name are not shorter ones.
+  double Budget() const { return budget != 0 ? budget : Repetitions() * (quick ? 0.01 : 0.04); }
 };
 
 /// The model that runs when no scene is named, and the generators beside it.

@@ -20,14 +20,29 @@ void Progress::Say(std::string_view line) {
   std::fflush(out_);
 }
 
+double Progress::Elapsed() const { return std::chrono::duration<double>(Clock::now() - start_).count(); }
+
 void Progress::Update(double fraction, std::string_view what) {
+  if (IsTime()) Draw(fraction, Elapsed() * (1 / fraction - 1), what);
+}
+
+void Progress::UpdateLeft(double seconds, std::string_view what) {
+  const double elapsed = Elapsed();
+  if (IsTime()) Draw(elapsed / (elapsed + seconds), seconds, what);
+}
+
+bool Progress::IsTime() {
   const Clock::time_point now = Clock::now();
-  if (now - last_ < (terminal_ ? std::chrono::milliseconds(100) : std::chrono::milliseconds(15000))) return;
+  if (now - last_ < (terminal_ ? std::chrono::milliseconds(100) : std::chrono::milliseconds(15000)))
+    return false;
   last_ = now;
-  const double elapsed = std::chrono::duration<double>(now - start_).count();
+  return true;
+}
+
+void Progress::Draw(double fraction, double left, std::string_view what) {
   std::string line = fmt::format("[{:3.0f} %] {}", 100 * fraction, what);
   // Before a twentieth is done the estimate would be a guess.
-  if (fraction > 0.05) line += fmt::format(" - about {} left", FormatDuration(elapsed * (1 / fraction - 1)));
+  if (fraction > 0.05) line += fmt::format(" - about {} left", FormatDuration(left));
   if (!terminal_) {
     fmt::print(out_, "{}\n", line);
   } else {

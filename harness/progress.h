@@ -20,10 +20,17 @@ class Progress {
   void Say(std::string_view line);
   /// `fraction` of the whole run is done, in [0, 1]; `what` is being done now.
   void Update(double fraction, std::string_view what);
+  /// The same, where it is known how many seconds are left instead.
+  void UpdateLeft(double seconds, std::string_view what);
+  /// Seconds since the start.
+  double Elapsed() const;
   /// Takes the redrawn line away.
   void Clear();
 
  private:
+  bool IsTime();
+  void Draw(double fraction, double left, std::string_view what);
+
   using Clock = std::chrono::steady_clock;
   std::FILE* out_;
   bool terminal_, drawn_ = false;

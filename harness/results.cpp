@@ -62,14 +62,17 @@ constexpr const char* kCaseColumns[] = {"case_id",
                                         "tightness",  //
                                         "node_bytes",
                                         "prim_bytes",
-                                        "needs_geometry",
-                                        "samples",  //
+                                        "needs_geometry",  //
                                         "build_peak_bytes",
                                         "cold_ns",
+                                        "samples",
+                                        "timed_rays",
                                         "median_ns",
                                         "lo_ns",
                                         "hi_ns",
-                                        "rate"};
+                                        "rate",
+                                        "anchor",
+                                        "anchor_ns"};
 constexpr const char* kSampleColumns[] = {"case_id", "scene",   "structure",  "spec",     "ray_set",
                                           "query",   "threads", "sample",     "sequence", "passes",
                                           "rays",    "seconds", "cpu_seconds"};
@@ -142,6 +145,12 @@ bool ResultFolder::Has(const std::string& case_id) const {
   return fs::exists(path_ / "cases" / (case_id + ".json"), error);
 }
 
+bool ResultFolder::IsTimed(const std::string& case_id) const {
+  std::ifstream in(path_ / "cases" / (case_id + ".json"), std::ios::binary);
+  const Json file = Json::parse(in, nullptr, /*allow_exceptions=*/false);
+  return file.is_object() && file.contains("case") && file["case"].value("status", "") == "timed";
+}
+
 void ResultFolder::Store(const Case& key, const Json& values, std::span<const Sample> samples) const {
   Json row;
   for (const char* column : kCaseColumns) row[column] = nullptr;
@@ -210,6 +219,8 @@ void ResultFolder::WriteCsvs() const {
     for (const Json& sample : file.at("samples")) {
       fields.clear();
       for (const char* column : kSampleColumns) {
+        const bool rays = std::string_view(column) == "rays" && !row.at("timed_rays").is_null();
+        if (rays) column = "timed_rays";
         fields.push_back(CsvField(sample.contains(column) ? sample.at(column) : row.at(column)));
       }
       samples += CsvLine(fields);

@@ -34,6 +34,8 @@ class ResultFolder {
 
   const std::filesystem::path& path() const { return path_; }
   bool Has(const std::string& case_id) const;
+  /// Whether it is there and has a time.
+  bool IsTimed(const std::string& case_id) const;
   /// Stores a finished case. `values` gives columns of cases.csv beyond those of the key; those not given
   /// stay empty. A key that is no column is a programming error (std::logic_error).
   void Store(const Case& key, const Json& values, std::span<const Sample> samples) const;

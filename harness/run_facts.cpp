@@ -55,14 +55,14 @@ Json FactsOf(const RunOptions& options) {
           {"plugins", options.plugins}};
 }
 
-Json TimingFacts(const RunOptions& options, double sample_seconds) {
+Json TimingFacts(const RunOptions& options) {
   const std::string remarks = EngineRemarks();
   return {
       {"engine", "Google Benchmark"},
       {"repetitions", options.Repetitions()},
       {"random_interleaving", true},
       {"flags", options.benchmark_flags},
-      {"sample_seconds", sample_seconds},
+      {"budget_seconds", options.Budget()},
       {"clock", "CPU time at one thread, pinned; wall time at more"},
       {"engine_remarks", remarks.empty() ? Json() : Json(remarks)},
       {"engine_built_as_debug", remarks.empty() ? Json() : Json(remarks.find("DEBUG") != std::string::npos)}};

@@ -16,7 +16,7 @@ Json FactsOf(const Scene& scene);
 Json FactsOf(const SceneNeeds& needs, const Scene& scene, const SceneFacts& facts);
 Json FactsOf(const Contestant& contestant, const Registry& registry);
 Json FactsOf(const RunOptions& options);
-/// How times were taken; samples last about `sample_seconds`.
-Json TimingFacts(const RunOptions& options, double sample_seconds);
+/// How times were taken.
+Json TimingFacts(const RunOptions& options);
 
 }  // namespace raybench

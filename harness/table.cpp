@@ -73,6 +73,24 @@ std::string ColumnName(const Json& row, bool show_threads) {
   return name;
 }
 
+/// Which parts of the ray sets were timed, in words; empty if always all of them.
+std::string TimedParts(const Rows& scene) {
+  uint64_t cases = 0, parts = 0;
+  double smallest = 1;
+  for (const Json* row : scene) {
+    const auto timed = Number(*row, "timed_rays"), rays = Number(*row, "rays");
+    if (!timed || !rays) continue;
+    ++cases;
+    if (*timed == *rays) continue;
+    ++parts;
+    smallest = std::min(smallest, *timed / *rays);
+  }
+  if (parts == 0) return {};
+  return fmt::format(
+      "  {} of {} timed on a part of the rays to stay within the budget, 1/{:.0f} at least: timed_rays\n",
+      parts, cases, 1 / smallest);
+}
+
 std::string FormatScene(const Rows& scene) {
   std::vector<std::string> specs, sets, builds;
   std::map<std::string, Rows> by_spec;
@@ -125,9 +143,13 @@ std::string FormatScene(const Rows& scene) {
   text += properties.Format(2);
 
   if (!sets.empty()) {
-    const bool anchor = std::find(specs.begin(), specs.end(), "embree") != specs.end();
-    text += fmt::format("\n  Mrays/s{}{}\n", anchor ? ", in brackets as a multiple of embree" : "",
-                        shuffled ? "; ~ shuffled" : "");
+    std::string anchor;
+    for (const Json* row : scene)
+      if (anchor.empty()) anchor = Text(*row, "anchor");
+    text += fmt::format(
+        "\n  Mrays/s{}{}\n",
+        anchor.empty() ? "" : fmt::format(", in brackets as a multiple of {} on the same rays", anchor),
+        shuffled ? "; ~ shuffled" : "");
     header = {"structure"};
     header.insert(header.end(), sets.begin(), sets.end());
     Grid rates(header);
@@ -136,18 +158,15 @@ std::string FormatScene(const Rows& scene) {
       for (const std::string& set : sets) {
         const auto found = at.find({spec, set});
         std::string cell = found == at.end() ? "-" : Rate(*found->second);
-        if (const auto base = at.find({"embree", set}); cell != "-" && spec != "embree" && base != at.end()) {
-          const auto rate = Number(*found->second, "rate"), reference = Number(*base->second, "rate");
-          const bool answers = Text(*found->second, "claim") != "nothing";
-          if (rate && reference && answers) {
-            cell += fmt::format(" ({:.{}f})", *rate / *reference, *rate < 0.01 * *reference ? 4 : 2);
-          }
+        if (cell != "-" && spec != anchor && Text(*found->second, "claim") != "nothing") {
+          const auto own = Number(*found->second, "median_ns"), base = Number(*found->second, "anchor_ns");
+          if (own && base) cell += fmt::format(" ({:.{}f})", *base / *own, *base < 0.01 * *own ? 4 : 2);
         }
         cells.push_back(cell);
       }
       rates.Add(cells);
     }
-    text += rates.Format(1);
+    text += rates.Format(1) + TimedParts(scene);
   }
   for (const auto& [spec, note] : notes) text += fmt::format("  {}: {}\n", spec, note);
   return text + "\n";

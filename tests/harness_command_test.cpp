@@ -17,9 +17,15 @@
 #include "harness/results.h"
 #include "tests/command.h"
 #include "tests/effort.h"
+#include "tests/shared_data.h"
 
 namespace raybench {
 namespace {
+
+/// The columns that are not the same from run to run.
+constexpr const char* kTimeColumns[] = {"build_peak_bytes", "cold_ns", "samples", "timed_rays",
+                                        "median_ns",        "lo_ns",   "hi_ns",   "rate",
+                                        "anchor_ns"};
 
 TEST_F(HarnessCommand, WrongInputIsOneLineAndExitCode2) {
   const std::string out = (folder_ / "out").string();
@@ -59,6 +65,13 @@ TEST_F(HarnessCommand, WrongInputIsOneLineAndExitCode2) {
            {{"run", ball, "--resume"}, "--out"},
            {{"run", ball, "--benchmark_bogus=1", "--out", out}, "--benchmark_bogus=1"},
            {{"run", ball, "--benchmark_repetitions=3", "--out", out}, "--repetitions"},
+           {{"run", ball, "--benchmark_perf_counters=CYCLES", "--out", out},
+            "--benchmark_perf_counters=CYCLES"},
+           {{"run", ball, "--benchmark_list_tests=true", "--out", out}, "--benchmark_list_tests=true"},
+           {{"run", ball, "--benchmark_filter=[", "--out", out}, "regular expression"},
+           {{"run", ball, "--benchmark_min_time=nan", "--out", out}, "--benchmark_min_time=nan"},
+           {{"run", ball, "--budget", "0", "--out", out}, "--budget"},
+           {{"run", ball, "--budget", "long", "--out", out}, "--budget"},
            {{"list", "structures", "--benchmark_filter=x"}, "--benchmark_filter=x"},
            {{"render", ball}, "--out"},
            {{"render", ball, "-o", (folder_ / "a.jpg").string()}, ".png, .exr"},
@@ -210,8 +223,8 @@ TEST_F(HarnessCommand, TinyRunLeavesEveryFileWithEveryColumn) {
   EXPECT_TRUE(fs::exists(out / "images" / "icosphere_level_1.exr"));
   const auto heat = nlohmann::json::parse(Read(out / "heat" / "icosphere_level_1" / "heat.json"));
   ASSERT_EQ(heat.at("maps").size(), 2u) << "all but null";
-  EXPECT_EQ(heat.at("maps").at(1).at("spec"), "bvh_sah");
-  EXPECT_TRUE(fs::exists(out / "heat" / "icosphere_level_1" / heat.at("maps").at(1).at("steps")));
+  EXPECT_EQ(heat.at("maps").at(0).at("spec"), "bvh_sah") << "the anchor comes first";
+  EXPECT_TRUE(fs::exists(out / "heat" / "icosphere_level_1" / heat.at("maps").at(0).at("steps")));
 
   const auto rows = ReadCsv(out / "cases.csv");
   ASSERT_FALSE(rows.empty());
@@ -226,6 +239,12 @@ TEST_F(HarnessCommand, TinyRunLeavesEveryFileWithEveryColumn) {
     for (const char* column : CaseColumns()) EXPECT_TRUE(row.contains(column)) << column;
     EXPECT_EQ(row.at("status"), "timed");
     EXPECT_EQ(row.at("samples"), "6");
+    EXPECT_EQ(row.at("timed_rays"), row.at("rays")) << "nothing is below the smallest part";
+    EXPECT_EQ(row.at("anchor"), row.at("query") == "build" ? "" : "bvh_sah")
+        << "not what looks at everything";
+    if (row.at("structure") == "bvh_sah") {
+      EXPECT_EQ(row.at("anchor_ns"), row.at("query") == "build" ? "" : row.at("median_ns"));
+    }
     EXPECT_EQ(row.at("seed"), "3");
     EXPECT_GT(std::stod(row.at("median_ns")), 0);
     EXPECT_LE(std::stod(row.at("lo_ns")), std::stod(row.at("median_ns")));
@@ -257,6 +276,7 @@ TEST_F(HarnessCommand, TinyRunLeavesEveryFileWithEveryColumn) {
   }
   for (const char* set : {"build", "camera", "random", "diffuse", "aimed"})
     EXPECT_TRUE(sets.contains(set)) << set;
+  EXPECT_NE(outcome.out.find("\ntook    "), std::string::npos) << outcome.out;
 
   const auto sample_rows = ReadCsv(out / "samples.csv");
   EXPECT_EQ(sample_rows.size(), samples);
@@ -272,6 +292,9 @@ TEST_F(HarnessCommand, TinyRunLeavesEveryFileWithEveryColumn) {
   const auto run = nlohmann::json::parse(Read(out / "run.json"));
   EXPECT_EQ(run.at("interrupted"), false);
   EXPECT_EQ(run.at("finished_cases"), rows.size());
+  EXPECT_EQ(run.at("scenes").at(0).at("anchor"), "bvh_sah");
+  EXPECT_GT(run.at("phases").at("timing").get<double>(), 0);
+  EXPECT_GE(run.at("seconds").get<double>(), run.at("phases").at("timing").get<double>());
   EXPECT_EQ(run.at("scenes").at(0).at("triangles"), 80);
   EXPECT_FALSE(run.at("machine").at("cpu").is_null());
   EXPECT_FALSE(run.at("timing").at("engine_built_as_debug").is_null());
@@ -289,8 +312,7 @@ TEST_F(HarnessCommand, SameSeedGivesTheSameCasesApartFromTimes) {
   const auto without_times = [&](const char* out) {
     auto rows = ReadCsv(folder_ / out / "cases.csv");
     for (auto& row : rows) {
-      for (const char* c : {"build_peak_bytes", "cold_ns", "median_ns", "lo_ns", "hi_ns", "rate"})
-        row.erase(c);
+      for (const char* c : kTimeColumns) row.erase(c);
     }
     return rows;
   };
@@ -326,6 +348,122 @@ TEST_F(HarnessCommand, BenchmarkFlagsReachTheEngine) {
   }
   EXPECT_EQ(nlohmann::json::parse(Read(folder_ / "out" / "run.json")).at("timing").at("flags"),
             nlohmann::json({"--benchmark_filter=camera"}));
+}
+
+TEST_F(HarnessCommand, AFilterThatMatchesNothingIsAnError) {
+  const Outcome outcome = Call(TinyRun("out", {"--structures", "null", "--benchmark_filter=nosuch"}));
+  EXPECT_EQ(outcome.exit_code, 2) << outcome.err;
+  EXPECT_NE(outcome.err.find("raybench: --benchmark_filter=nosuch: none of the "), std::string::npos)
+      << outcome.err;
+  EXPECT_NE(outcome.err.find("icosphere(level=1)/null/"), std::string::npos) << outcome.err;
+}
+
+TEST_F(HarnessCommand, ASlowCaseIsTimedOnAPartAndTheAnchorBesideItOnTheSame) {
+  // Whoever is timed here needs more than a hundredth of a microsecond a ray, so 4K rays do not fit.
+  std::vector<std::string> command =
+      TinyRun("out", {"--structures", "bvh_sah,kdtree_sah", "--budget", "0.001", "--sets", "random,camera"});
+  std::find(command.begin(), command.end(), "--rays")[1] = "16K";
+  ASSERT_EQ(Call(command).exit_code, 0);
+  std::set<std::string> anchored;
+  for (const auto& row : ReadCsv(folder_ / "out" / "cases.csv")) {
+    SCOPED_TRACE(row.at("spec") + " " + row.at("ray_set"));
+    EXPECT_EQ(row.at("status"), "timed");
+    EXPECT_GE(std::stoi(row.at("samples")), 3);
+    if (row.at("query") == "build") continue;
+    EXPECT_EQ(row.at("rays"), "16384");
+    EXPECT_EQ(row.at("timed_rays"), "1024");
+    EXPECT_EQ(row.at("anchor"), "bvh_sah");
+    EXPECT_GT(std::stod(row.at("anchor_ns")), 0);
+    EXPECT_NEAR(std::stod(row.at("rate")) * std::stod(row.at("median_ns")), 1e9, 1);
+    anchored.insert(row.at("ray_set") + row.at("anchor_ns"));
+  }
+  EXPECT_EQ(anchored.size(), 2u) << "one time of the anchor a part, for all rows";
+  for (const auto& row : ReadCsv(folder_ / "out" / "samples.csv"))
+    if (row.at("query") != "build") {
+      EXPECT_EQ(row.at("rays"), "1024");
+    }
+}
+
+TEST_F(HarnessCommand, RepetitionsAskedForAreKeptWhateverTheyCost) {
+  ASSERT_EQ(
+      Call(TinyRun("out", {"--structures", "bvh_sah", "--budget", "0.001", "--repetitions", "7"})).exit_code,
+      0);
+  for (const auto& row : ReadCsv(folder_ / "out" / "cases.csv")) EXPECT_EQ(row.at("samples"), "7");
+}
+
+TEST_F(HarnessCommand, GroupsThatFitTheMemoryGiveTheSameAsOneGroup) {
+  const std::string structures = "embree,embree(robust=true),bvh_sah,null";
+  const auto run = [&](const char* out, std::vector<std::string> more) {
+    std::vector<std::string> command = TinyRun(out, {"--structures", structures});
+    command[1] = "icosphere(level=5)";
+    command.insert(command.end(), more.begin(), more.end());
+    const Outcome outcome = Call(command);
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+    auto rows = ReadCsv(folder_ / out / "cases.csv");
+    for (auto& row : rows)
+      for (const char* c : kTimeColumns) row.erase(c);
+    return rows;
+  };
+  const auto one = run("one", {}), groups = run("groups", {"--memory-limit", "5M"});
+  EXPECT_EQ(one, groups);
+  for (const auto& row : groups) EXPECT_EQ(row.at("status"), "timed") << row.at("spec") << row.at("note");
+  // The order of samples counts within a group.
+  const auto first_places = [&](const char* out) {
+    size_t n = 0;
+    for (const auto& row : ReadCsv(folder_ / out / "samples.csv")) n += row.at("sequence") == "0";
+    return n;
+  };
+  EXPECT_LE(first_places("one"), 1u);
+  EXPECT_GE(first_places("groups"), 2u) << "there were several groups";
+}
+
+TEST_F(HarnessCommand, AResumedRunTimesTheAnchorBesideWhatIsLeft) {
+  const std::vector<std::string> structures = {"--structures", "bvh_sah,kdtree_sah"};
+  ASSERT_EQ(Call(TinyRun("out", structures)).exit_code, 0);
+  const auto before = ReadCsv(folder_ / "out" / "cases.csv");
+  for (const auto& row : before)
+    if (row.at("structure") == "kdtree_sah")
+      fs::remove(folder_ / "out" / "cases" / (row.at("case_id") + ".json"));
+  const Outcome outcome = Call(TinyRun("out", {"--structures", "bvh_sah,kdtree_sah", "--resume"}));
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const auto after = ReadCsv(folder_ / "out" / "cases.csv");
+  ASSERT_EQ(after.size(), before.size());
+  for (size_t i = 0; i < after.size(); ++i) {
+    if (after[i].at("structure") == "bvh_sah") {
+      EXPECT_EQ(after[i], before[i]) << "is not repeated";
+    } else if (after[i].at("query") != "build") {
+      EXPECT_EQ(after[i].at("anchor"), "bvh_sah");
+      EXPECT_GT(std::stod(after[i].at("anchor_ns")), 0);
+    }
+  }
+}
+
+TEST_F(HarnessCommand, ASetOfInvalidRaysGetsNoTimeAndNoVerdict) {
+  const auto folder = testing::SharedData() / "reports" / "30-recorded-rays-odd";
+  if (!fs::exists(folder)) GTEST_SKIP() << testing::NotCompared(folder);
+  const std::vector<std::string> run = {
+      "run", (folder / "mesh.obj").string(), "--structures", "bvh_sah", "--quick", "--no-report", "--threads",
+      "1"};
+  std::vector<std::string> alone = run, both = run;
+  const std::string invalid = (folder / "zero_dir_nan.rays").string();
+  alone.insert(alone.end(), {"--rays", invalid, "--out", (folder_ / "alone").string()});
+  const Outcome outcome = Call(alone);
+  EXPECT_EQ(outcome.exit_code, 3) << outcome.err;
+  EXPECT_NE(outcome.err.find("zero_dir_nan: 5 of 5 rays are invalid"), std::string::npos) << outcome.err;
+  EXPECT_EQ(outcome.out.find(" ok"), std::string::npos) << outcome.out;
+  for (const auto& row : ReadCsv(folder_ / "alone" / "cases.csv")) {
+    EXPECT_EQ(row.at("status"), "skipped");
+    EXPECT_EQ(row.at("note"), "all rays of the set are invalid");
+  }
+  both.insert(both.end(), {"--rays", invalid, "--rays", (folder / "tfar_below_tnear.rays").string(), "--out",
+                           (folder_ / "both").string()});
+  EXPECT_EQ(Call(both).exit_code, 0);
+  for (const auto& row : ReadCsv(folder_ / "both" / "cases.csv")) {
+    EXPECT_EQ(row.at("status"), row.at("ray_set") == "zero_dir_nan" ? "skipped" : "timed");
+    if (row.at("ray_set") == "zero_dir_nan") {
+      EXPECT_EQ(row.at("verified"), "");
+    }
+  }
 }
 
 TEST_F(HarnessCommand, AMemoryLimitSkipsAStructureAndSaysWhy) {

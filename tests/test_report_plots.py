@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 import pytest
-from raybench_report import predictors, results, style
+from raybench_report import plots, predictors, results, style
 from raybench_report.__main__ import main
 
 REPORTS_README = Path(__file__).parents[1] / "reports" / "README.md"
@@ -40,7 +40,7 @@ def case(spec, scene, ray_set, query, noise, threads=1, **changes):
         "rate": 1e9 / median * (primitives if query == "build" else 1),
     }  # fmt: skip
     if query != "build":
-        row |= {"ray_hash": "0abc", "order": "traced", "rays": rays, "oracle": "cgal", "hits": rays // 2}
+        row |= {"ray_hash": "0abc", "order": "traced", "rays": rays, "timed_rays": rays, "oracle": "cgal", "hits": rays // 2}
         row |= dict.fromkeys(results.VERDICTS, 0)
         if leaks is None:
             row |= dict.fromkeys(results.VERDICTS, "")
@@ -226,6 +226,18 @@ def test_pictures_and_plots_are_on_the_page(drawn):
     for source in re.findall(r'src="([^"]*)"', page):
         assert (drawn / source).is_file()
     assert 'src="images/sponza.png"' in page and page.count("<figure>") == 1 + len(ALL_PLOTS)
+
+
+def test_rows_timed_on_a_part_of_the_rays_are_named(tmp_path):
+    rows = full_run(scenes=("stadium",), specs=("bvh_sah", "brute"))
+    for row in rows:
+        if row["spec"] == "brute" and row["query"] != "build":
+            row["timed_rays"] = row["rays"] // (64 if row["ray_set"] == "camera" else 4)
+    run = results.read(write_run(tmp_path / "part", rows))
+    note = plots._timed_parts(results.timed(run.queries))
+    assert note.endswith("would take too long: brute (down to 1/64).")
+    whole = results.read(write_run(tmp_path / "whole", full_run(scenes=("stadium",), specs=("bvh_sah", "brute"))))
+    assert plots._timed_parts(results.timed(whole.queries)) == ""
 
 
 def test_columns_are_those_agreed_on():

@@ -53,7 +53,7 @@ def rays_per_second(run, threads):
         run,
         chosen,
         f"million rays per second, {_threads(threads)}",
-        [INTERVAL, _harness_cost(chosen), _without_time(cases)],
+        [INTERVAL, _timed_parts(chosen), _harness_cost(chosen), _without_time(cases)],
     )
 
 
@@ -226,6 +226,7 @@ def error_and_speed(run):
             "queries. Small ones: single ray sets, the worst of each structure named.",
             "Wrong: leak, wrong primitive, false miss or false hit; marginal ones are not counted.",
             f"Shares of {few:,.0f}{f' to {many:,.0f}' if many > few else ''} verified rays each; 0: none among these.",
+            _timed_parts(cases),
         ],
     )
 
@@ -325,6 +326,16 @@ def _bytes(count):
             return f"{count:.3g} {unit}"
         count /= 1000
     return f"{count:.3g} GB"
+
+
+def _timed_parts(cases):
+    """Says which structures were timed on a part of the rays; their neighbours then traced others."""
+    parts = cases[(cases["timed_rays"] < cases["rays"]) & (cases["structure"] != NULL)]
+    if parts.empty:
+        return ""
+    least = (parts["rays"] / parts["timed_rays"]).groupby(parts["spec"]).max()
+    shares = "; ".join(f"{spec} (down to 1/{share:.0f})" for spec, share in least.items())
+    return f"Timed on an evenly spread part of the rays, where all would take too long: {shares}."
 
 
 def _harness_cost(cases):

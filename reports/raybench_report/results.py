@@ -11,7 +11,7 @@ SAMPLE_TEXT = ["case_id", "scene", "structure", "spec", "ray_set", "query"]
 SAMPLE_NUMBERS = ["threads", "sample", "sequence", "passes", "rays", "seconds", "cpu_seconds"]
 CASE_TEXT = [
     "case_id", "scene", "scene_hash", "structure", "spec", "params", "ray_set", "ray_hash", "query", "order", "status",
-    "note", "claim", "oracle",
+    "note", "claim", "oracle", "anchor",
 ]  # fmt: skip
 VERDICTS = [
     "exact", "tie", "neighbour", "leak", "wrong", "wrong_marginal", "false_miss", "false_miss_marginal", "false_hit",
@@ -21,7 +21,8 @@ CASE_NUMBERS = [
     "primitives", "rays", "threads", "seed", "verified", *VERDICTS, "t_error_p50", "t_error_p99", "t_error_max", "hits",
     "steps", "leaves", "empty_leaves", "bounds", "prims", "bytes", "lcv", "inner_nodes", "leaf_nodes",
     "empty_leaf_nodes", "references", "depth", "sah_cost", "epo", "leaf_depth", "tightness", "node_bytes", "prim_bytes",
-    "needs_geometry", "samples", "build_peak_bytes", "cold_ns", "median_ns", "lo_ns", "hi_ns", "rate",
+    "needs_geometry", "build_peak_bytes", "cold_ns", "samples", "timed_rays", "median_ns", "lo_ns", "hi_ns", "rate",
+    "anchor_ns",
 ]  # fmt: skip
 
 # The structure that always misses: what it costs is the harness's own cost.
