@@ -41,31 +41,30 @@ void AddOptions(CLI::App& command, RunArguments& arguments) {
   command
       .add_option("--verify-rays", run.verify_rays,
                   "Rays of a set compared with the truth; default 4K, quick 1K")
-      ->transform(CLI::AsSizeValue(false))
-      ->check(CLI::Range(uint64_t{1}, uint64_t{1} << 28))
+      ->transform(WholeNumber(uint64_t{1}, uint64_t{1} << 28, Units::kSizes))
       ->type_name("N");
   command.add_option("--repetitions", run.repetitions, "Samples of a case; default 9, quick 6")
-      ->check(CLI::Range(1u, 10000u))
+      ->transform(WholeNumber(1, 10000))
       ->type_name("N");
   command.add_option("--threads", run.threads, "Thread counts; default 1, for builds 1 and all")
       ->delimiter(',')
       ->allow_extra_args(false)
-      ->check(CLI::Range(1u, 1024u))
+      ->transform(WholeNumber(1, 1024))
       ->type_name("N,M");
   command.add_option("--depth", run.depth, "Bounces of the picture whose rays are recorded; default 2")
-      ->check(CLI::Range(0u, 64u))
+      ->transform(WholeNumber(0, 64))
       ->type_name("N");
   command.add_option("--seed", run.seed, "Seed of everything random; default 1")->type_name("N");
   command.add_option("--memory-limit", run.memory_limit, "What a tree and its building may take, such as 8G")
-      ->transform(CLI::AsSizeValue(false))
+      ->transform(WholeNumber(0, UINT64_MAX, Units::kSizes))
       ->type_name("BYTES");
   command.add_flag("--shuffled", run.shuffled, "Time a shuffled twin of each traced ray set too");
   command.add_flag("--drop-bad", run.drop_bad, "Leave out bad triangles instead of refusing the file");
   command.add_flag("--resume", run.resume, "Go on in --out and keep the cases that are there");
   command.add_flag("--no-report", arguments.no_report, "Draw no plots");
-  command.footer(
-      "Arguments --benchmark_... go to Google Benchmark, such as --benchmark_min_time=0.1 or "
-      "--benchmark_filter=camera.");
+  command.footer(std::string(kGoals) +
+                 "\nArguments --benchmark_... go to Google Benchmark, such as --benchmark_min_time=0.1 or "
+                 "--benchmark_filter=camera.");
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <map>
 #include <new>
+#include <optional>
 #include <set>
 
 #include "datasets/scene_needs.h"
@@ -20,6 +21,7 @@
 #include "harness/progress.h"
 #include "harness/ray_aim.h"
 #include "harness/ray_sets.h"
+#include "harness/results.h"
 #include "harness/run_facts.h"
 #include "harness/truth_cache.h"
 #include "harness/verify_report.h"
@@ -129,11 +131,12 @@ class Verification {
       throw InputError(fmt::format("{}: holds the results of another verification", options_.out));
   }
 
-  void MakeOut() const {
+  void MakeOut() {
     if (options_.out.empty()) return;
     std::error_code error;
     fs::create_directories(options_.out, error);
     if (error) throw InputError(fmt::format("{}: cannot be made: {}", options_.out, error.message()));
+    lock_.emplace(options_.out);
   }
 
   void Update(std::string_view what) {
@@ -420,6 +423,7 @@ class Verification {
   const Registry& registry_;
   const VerifyOptions& options_;
   Progress progress_;
+  std::optional<OneProcessLock> lock_;
   std::vector<Contestant> contestants_;
   std::vector<Scene> scenes_;
   std::vector<std::vector<SourcedSet>> replayed_;  // by scene; empty: sets are made
