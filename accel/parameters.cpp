@@ -2,10 +2,13 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cctype>
 #include <charconv>
 #include <cmath>
 #include <cstring>
+
+#include "accel/names.h"
 
 namespace raybench {
 namespace {
@@ -14,6 +17,26 @@ std::string_view Trim(std::string_view text) {
   while (!text.empty() && std::isspace(static_cast<unsigned char>(text.front()))) text.remove_prefix(1);
   while (!text.empty() && std::isspace(static_cast<unsigned char>(text.back()))) text.remove_suffix(1);
   return text;
+}
+
+/// Letters to add, drop, change or swap with their neighbour, case aside: the distance of Damerau 1964 in the
+/// form that touches no place twice.
+size_t Slips(std::string_view a, std::string_view b) {
+  const auto same = [](char x, char y) {
+    return std::tolower(static_cast<unsigned char>(x)) == std::tolower(static_cast<unsigned char>(y));
+  };
+  std::vector<std::vector<size_t>> d(a.size() + 1, std::vector<size_t>(b.size() + 1));
+  for (size_t i = 0; i <= a.size(); ++i)
+    for (size_t j = 0; j <= b.size(); ++j) {
+      if (i == 0 || j == 0) {
+        d[i][j] = i + j;
+        continue;
+      }
+      d[i][j] = std::min({d[i - 1][j] + 1, d[i][j - 1] + 1, d[i - 1][j - 1] + !same(a[i - 1], b[j - 1])});
+      if (i > 1 && j > 1 && same(a[i - 1], b[j - 2]) && same(a[i - 2], b[j - 1]))
+        d[i][j] = std::min(d[i][j], d[i - 2][j - 2] + 1);
+    }
+  return d[a.size()][b.size()];
 }
 
 bool IsName(std::string_view text) {
@@ -96,6 +119,16 @@ bool SetFromText(std::byte* config, const rb_param& param, std::string_view text
 
 }  // namespace
 
+std::string DidYouMean(std::string_view typed, std::span<const std::string_view> known) {
+  std::string_view best;
+  size_t fewest = std::max<size_t>(1, typed.size() / 3) + 1;
+  for (std::string_view name : known) {
+    const size_t slips = Slips(typed, name);
+    if (slips < fewest && slips < name.size()) fewest = slips, best = name;
+  }
+  return best.empty() ? std::string() : fmt::format(" (did you mean {}?)", best);
+}
+
 Spec ParseSpec(std::string_view text) {
   std::string_view whole = Trim(text);
   Spec spec;
@@ -161,15 +194,60 @@ std::vector<std::byte> Configure(std::string_view owner, std::span<const rb_para
     }
     if (found == nullptr) {
       throw InputError(names.empty() ? fmt::format("{} has no parameter '{}': it has none", owner, key)
-                                     : fmt::format("{} has no parameter '{}'; allowed: {}", owner, key,
-                                                   fmt::join(names, ", ")));
+                                     : fmt::format("{} has no parameter '{}'{}; allowed: {}", owner, key,
+                                                   DidYouMean(key, names), fmt::join(names, ", ")));
     }
     if (!SetFromText(config.data(), *found, value)) {
-      throw InputError(
-          fmt::format("{}: {}={} is not allowed; allowed: {}", owner, key, value, Allowed(*found)));
+      throw InputError(fmt::format("{}: {}={} is not allowed{}; allowed: {}", owner, key, value,
+                                   found->type == RB_INT || found->type == RB_FLOAT
+                                       ? std::string()
+                                       : DidYouMean(value, Choices(*found)),
+                                   Allowed(*found)));
     }
   }
   return config;
+}
+
+std::string FlawOfParameters(std::span<const rb_param> params, size_t config_size) {
+  for (size_t i = 0; i < params.size(); ++i) {
+    const rb_param& p = params[i];
+    if (p.name == nullptr || !IsName(p.name))
+      return fmt::format("parameter {}: its name is not made of letters, digits, '_', '-' and '.'", i);
+    const auto flaw = [&](const std::string& text) {
+      return fmt::format("parameter '{}': {}", p.name, text);
+    };
+    if (p.doc == nullptr) return flaw("it lacks doc");
+    if (p.type > RB_CHOICE) return flaw(fmt::format("its type {} is unknown", p.type));
+    for (size_t j = 0; j < i; ++j)
+      if (std::string_view(params[j].name) == p.name) return flaw("there are two of this name");
+    const size_t size = p.type == RB_INT || p.type == RB_FLOAT ? 8 : 4;
+    if (p.offset % size != 0 || p.offset > config_size || config_size - p.offset < size)
+      return flaw(fmt::format("{} bytes at offset {} do not lie, aligned, in a configuration of {}", size,
+                              p.offset, config_size));
+    for (size_t j = 0; j < i; ++j) {
+      const size_t other = params[j].type == RB_INT || params[j].type == RB_FLOAT ? 8 : 4;
+      if (p.offset < params[j].offset + other && params[j].offset < p.offset + size)
+        return flaw(fmt::format("it shares bytes with parameter '{}'", params[j].name));
+    }
+    if (p.type == RB_INT || p.type == RB_FLOAT) {
+      if (!(std::isfinite(p.lo) && std::isfinite(p.hi) && p.lo <= p.hi && p.def >= p.lo && p.def <= p.hi))
+        return flaw(fmt::format("default {} and range {} to {} do not fit", p.def, p.lo, p.hi));
+      if (p.type == RB_INT && (p.lo < -0x1p63 || p.hi >= 0x1p63 || p.lo != std::trunc(p.lo) ||
+                               p.hi != std::trunc(p.hi) || p.def != std::trunc(p.def)))
+        return flaw(fmt::format("default {} and range {} to {} are no 64-bit integers", p.def, p.lo, p.hi));
+      continue;
+    }
+    if (p.type == RB_CHOICE && p.choices == nullptr) return flaw("it lacks choices");
+    const std::vector<std::string_view> choices = Choices(p);
+    if (choices.empty()) return flaw("it has no choices");
+    for (size_t c = 0; c < choices.size(); ++c)
+      if (!IsName(choices[c]) || std::find(choices.begin(), choices.begin() + ptrdiff_t(c), choices[c]) !=
+                                     choices.begin() + ptrdiff_t(c))
+        return flaw(fmt::format("choice {} '{}' cannot be written or is there twice", c, choices[c]));
+    if (!(p.def >= 0 && p.def < double(choices.size()) && p.def == std::trunc(p.def)))
+      return flaw(fmt::format("default {} is none of its {} choices", p.def, choices.size()));
+  }
+  return {};
 }
 
 std::string FormatParameter(const rb_param& param, const std::byte* config) {

@@ -7,6 +7,7 @@
 #include <cstddef>
 
 #include "accel/builtin.h"
+#include "accel/names.h"
 
 namespace raybench {
 namespace {
@@ -31,6 +32,8 @@ std::string Flaw(const rb_structure& s) {
     return "a structure's name is not of the form [a-z][a-z0-9_]*";
   if (s.doc == nullptr || s.source == nullptr)
     return fmt::format("structure '{}' lacks doc or source", s.name);
+  if (std::string_view(s.doc).find('\n') != std::string_view::npos)
+    return fmt::format("structure '{}': doc is more than one line", s.name);
   for (auto [present, what] :
        {std::pair(s.build != nullptr, "build"), std::pair(s.destroy != nullptr, "destroy"),
         std::pair(s.query != nullptr, "query"), std::pair(s.claims != nullptr, "claims"),
@@ -42,14 +45,8 @@ std::string Flaw(const rb_structure& s) {
   }
   if (s.param_count > 0 && s.params == nullptr)
     return fmt::format("structure '{}' lacks its parameters", s.name);
-  for (uint32_t i = 0; i < s.param_count; ++i) {
-    const rb_param& p = s.params[i];
-    size_t size = p.type == RB_INT || p.type == RB_FLOAT ? 8 : 4;
-    if (p.name == nullptr || p.doc == nullptr || p.type > RB_CHOICE || p.offset + size > s.config_size ||
-        (p.type == RB_CHOICE && p.choices == nullptr)) {
-      return fmt::format("structure '{}': parameter {} is not well described", s.name, i);
-    }
-  }
+  if (std::string flaw = FlawOfParameters({s.params, s.param_count}, s.config_size); !flaw.empty())
+    return fmt::format("structure '{}': {}", s.name, flaw);
   return {};
 }
 
@@ -106,7 +103,8 @@ const rb_structure& Registry::Find(std::string_view name) const {
     if (name == structure->name) return *structure;
     names.push_back(structure->name);
   }
-  throw InputError(fmt::format("unknown structure '{}'; known: {}", name, fmt::join(names, ", ")));
+  throw InputError(
+      fmt::format("unknown structure '{}'{}; see: raybench list structures", name, DidYouMean(name, names)));
 }
 
 std::string Registry::OriginOf(const rb_structure& structure) const {

@@ -2,6 +2,7 @@
 
 #include <cctype>
 
+#include "accel/names.h"
 #include "datasets/fetch.h"
 #include "datasets/generators/generators.h"
 #include "datasets/memory.h"
@@ -199,16 +200,13 @@ Scene LoadScene(const std::string& name, const LoadOptions& options) {
     throw InputError(fmt::format("{}: is a directory; a file is needed ({})", name, Extensions()));
   if (std::filesystem::exists(path, ignored))
     throw InputError(fmt::format("{}: unknown format; allowed are files ending in {}", name, Extensions()));
-  std::string generators, modifiers, models;
-  for (const Modifier* modifier : Modifiers())
-    modifiers += fmt::format("{}{}(SCENE)", modifiers.empty() ? "" : ", ", modifier->name);
-  for (const Generator* generator : Generators())
-    generators += fmt::format("{}{}", generators.empty() ? "" : ", ", generator->name);
-  for (const ManifestEntry& entry : Manifest())
-    models += fmt::format("{}{}", models.empty() ? "" : ", ", entry.name);
+  std::vector<std::string_view> known;
+  for (const Modifier* modifier : Modifiers()) known.push_back(modifier->name);
+  for (const Generator* generator : Generators()) known.push_back(generator->name);
+  for (const ManifestEntry& entry : Manifest()) known.push_back(entry.name);
   throw InputError(fmt::format(
-      "unknown scene '{}'; allowed are generators ({}), modifiers ({}), models to fetch ({}) and files ({})",
-      OneLine(name), generators, modifiers, models, Extensions()));
+      "unknown scene '{}'{}: no file, generator, modifier or model of this name; see: raybench list scenes",
+      OneLine(name), DidYouMean(stem, known)));
 }
 
 }  // namespace raybench

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "accel/names.h"
 #include "datasets/readers.h"
 
 namespace raybench {
@@ -57,9 +58,9 @@ std::vector<ManifestEntry> ParseManifest() {
   return entries;
 }
 
-std::string Names() {
-  std::string names;
-  for (const ManifestEntry& entry : Manifest()) names += (names.empty() ? "" : ", ") + entry.name;
+std::vector<std::string_view> Names() {
+  std::vector<std::string_view> names;
+  for (const ManifestEntry& entry : Manifest()) names.push_back(entry.name);
   return names;
 }
 
@@ -73,7 +74,8 @@ const std::vector<ManifestEntry>& Manifest() {
 const ManifestEntry& FindManifestEntry(const std::string& name) {
   for (const ManifestEntry& entry : Manifest())
     if (entry.name == name) return entry;
-  throw InputError(fmt::format("unknown model '{}'; allowed are {}", OneLine(name), Names()));
+  throw InputError(fmt::format("unknown model '{}'{}; see: raybench list models", OneLine(name),
+                               DidYouMean(name, Names())));
 }
 
 std::vector<const ManifestEntry*> FindModels(const std::string& name_or_family) {
@@ -81,8 +83,11 @@ std::vector<const ManifestEntry*> FindModels(const std::string& name_or_family) 
   for (const ManifestEntry& entry : Manifest())
     if (entry.name == name_or_family || entry.family == name_or_family) found.push_back(&entry);
   if (found.empty()) {
-    throw InputError(fmt::format("unknown model '{}'; allowed are {}, and the families {}",
-                                 OneLine(name_or_family), Names(), fmt::join(kModelFamilies, ", ")));
+    std::vector<std::string_view> known = Names();
+    known.insert(known.end(), std::begin(kModelFamilies), std::end(kModelFamilies));
+    throw InputError(fmt::format(
+        "unknown model '{}'{}; allowed are the families {} and what `raybench list models` has",
+        OneLine(name_or_family), DidYouMean(name_or_family, known), fmt::join(kModelFamilies, ", ")));
   }
   return found;
 }

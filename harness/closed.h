@@ -29,7 +29,7 @@ struct InsidePoints {
 InsidePoints FindInsidePoints(const Scene& scene, size_t count, uint64_t seed, uint32_t threads);
 
 /// Ray i of a campaign: from one of the points at a vertex, the midpoint of an edge or a point of an edge,
-/// rounded to float. Makes rays of batch `batch` (ClosedBatch() rays).
+/// rounded to float. Makes rays of batch `batch` (kClosedBatch rays).
 void FillClosedBatch(const Scene& scene, std::span<const MeshEdge> edges, const InsidePoints& inside,
                      uint64_t seed, uint64_t batch, std::span<rb_ray> rays);
 inline constexpr uint64_t kClosedBatch = 1 << 16;

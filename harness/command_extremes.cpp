@@ -38,8 +38,7 @@ void AddOptions(CLI::App& command, ExtremesArguments& arguments) {
                   "numerics; all: every one")
       ->type_name("A,B(X=1)");
   command.add_option("--rays", options.rays, "Rays at a point; default 2K, quick 256")
-      ->transform(CLI::AsSizeValue(false))
-      ->check(CLI::Range(uint64_t{64}, uint64_t{1} << 24))
+      ->transform(WholeNumber(uint64_t{64}, uint64_t{1} << 24, Units::kSizes))
       ->type_name("N");
   command.add_option("--seed", options.seed, "Seed of everything random; default 1")->type_name("N");
   command.add_flag("--quick", options.quick, "Every second point and fewer rays: two minutes");

@@ -27,10 +27,8 @@ std::vector<const ManifestEntry*> Wanted(const FetchOptions& options) {
   if (options.all)
     for (const ManifestEntry& entry : Manifest()) add(&entry);
   if (wanted.empty()) {
-    std::string known;
-    for (const ManifestEntry& e : Manifest()) known += fmt::format("{}{}", known.empty() ? "" : ", ", e.name);
-    throw InputError(fmt::format("name a model, a family ({}), or --all; known: {}",
-                                 fmt::join(kModelFamilies, ", "), known));
+    throw InputError(fmt::format("name a model (see: raybench list models), a family ({}), or --all",
+                                 fmt::join(kModelFamilies, ", ")));
   }
   return wanted;
 }

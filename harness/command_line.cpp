@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "accel/names.h"
 #include "harness/commands.h"
 #include "harness/interrupt.h"
 #include "harness/machine.h"
@@ -31,13 +32,47 @@ Truth is kept beside fetched models, in RAYBENCH_CACHE or else ~/.cache/raybench
 RAYBENCH_TRUTH_CACHE=off asks anew.
 Exit codes: 0 fine; 1 a claim was broken; 2 wrong input; 3 inconclusive; 130 interrupted.)help";
 
+/// The command that was typed, down to the last word that is one.
+const CLI::App& LastCommand(const CLI::App& app) {
+  const CLI::App* last = &app;
+  while (!last->get_subcommands().empty()) last = last->get_subcommands().back();
+  return *last;
+}
+
+std::string Typed(const CLI::App& app) {
+  std::string words = app.get_name();
+  for (const CLI::App* at = &app; !at->get_subcommands().empty();) {
+    at = at->get_subcommands().back();
+    words += " " + at->get_name();
+  }
+  return words;
+}
+
+/// What the first word that nothing took may have been meant for.
+std::string Meant(const CLI::App& app) {
+  const std::vector<std::string> left = app.remaining(true);
+  if (left.empty()) return {};
+  const CLI::App& command = LastCommand(app);
+  const std::string word = left[0].substr(0, left[0].find('='));
+  std::vector<std::string> names;
+  if (word.starts_with("-")) {
+    for (const CLI::App* at : {&command, &app})
+      for (const CLI::Option* option : at->get_options())
+        for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
+  } else {
+    for (const CLI::App* sub : command.get_subcommands([](const CLI::App*) { return true; }))
+      names.push_back(sub->get_name());
+  }
+  return DidYouMean(word, std::vector<std::string_view>(names.begin(), names.end()));
+}
+
 }  // namespace
 
 int RunCommandLine(std::vector<std::string> arguments) {
   Invocation invocation;
   invocation.arguments = arguments;
   CLI::App app("Benchmark of ray-tracing acceleration structures", "raybench");
-  app.footer(kExamples);
+  app.footer(std::string(kGoals) + kExamples);
   app.require_subcommand(0, 1);
   app.fallthrough();
   app.set_version_flag(
@@ -67,7 +102,7 @@ int RunCommandLine(std::vector<std::string> arguments) {
     if (error.get_exit_code() == int(CLI::ExitCodes::Success)) return app.exit(error);
     std::string line = error.what();
     std::replace(line.begin(), line.end(), '\n', ' ');
-    throw InputError(line + "; see raybench --help");
+    throw InputError(line + Meant(app) + "; see " + Typed(app) + " --help");
   }
   const auto typed = app.get_subcommands();
   if (!invocation.benchmark_flags.empty() && (typed.empty() || typed[0]->get_name() != "run")) {

@@ -129,11 +129,10 @@ void AddRecordOptions(CLI::App& command, RecordOptions& record) {
       ->allow_extra_args(false)
       ->type_name("A,B");
   command.add_option("--rays", record.rays, "Rays of a set, at most; default 1M = 2^20")
-      ->transform(CLI::AsSizeValue(false))
-      ->check(CLI::Range(uint64_t{64}, uint64_t{1} << 28))
+      ->transform(WholeNumber(uint64_t{64}, uint64_t{1} << 28, Units::kSizes))
       ->type_name("N");
   command.add_option("--depth", record.depth, "Bounces of the picture whose rays are recorded; default 2")
-      ->check(CLI::Range(0u, 64u))
+      ->transform(WholeNumber(0, 64))
       ->type_name("N");
   command.add_flag("--shuffled", record.shuffled, "Write a shuffled twin of each traced set too");
   command.add_option("--seed", record.seed, "Seed of everything random; default 1")->type_name("N");

@@ -136,10 +136,10 @@ void AddRenderCommand(CLI::App& app, Invocation& invocation) {
             ->type_name("FILE");
         command.add_option("--size", render.size, "Pixels; default 512x512")->type_name("WxH");
         command.add_option("--depth", render.depth, "Reflections and refractions in a row; default 4")
-            ->check(CLI::Range(0u, 64u))
+            ->transform(WholeNumber(0, 64))
             ->type_name("N");
         command.add_option("--threads", render.threads, "Threads; default all")
-            ->check(CLI::Range(1u, 1024u))
+            ->transform(WholeNumber(1, 1024))
             ->type_name("N");
         command.add_option("--seed", render.seed, "Seed of generators; default 1")->type_name("N");
         command.add_flag("--drop-bad", render.drop_bad,

@@ -41,8 +41,7 @@ void AddOptions(CLI::App& command, RunArguments& arguments) {
   command
       .add_option("--verify-rays", run.verify_rays,
                   "Rays of a set compared with the truth; default 4K, quick 1K")
-      ->transform(CLI::AsSizeValue(false))
-      ->check(CLI::Range(uint64_t{1}, uint64_t{1} << 28))
+      ->transform(WholeNumber(uint64_t{1}, uint64_t{1} << 28, Units::kSizes))
       ->type_name("N");
   command
       .add_option(
@@ -51,20 +50,20 @@ void AddOptions(CLI::App& command, RunArguments& arguments) {
           "--repetitions. What is too slow for that is timed on a part of its rays (1/4, 1/16, ... of "
           "the tiles; column timed_rays), the anchor beside it on the same part; builds get fewer "
           "samples. Verdicts and counters are of all rays")
-      ->check(CLI::Range(0.001, 86400.0))
+      ->transform(RealNumber(0.001, 86400))
       ->type_name("SECONDS");
   command
       .add_option("--repetitions", run.repetitions,
                   "Samples of every case; default 9, quick 6, fewer where the budget is too short")
-      ->check(CLI::Range(1u, 10000u))
+      ->transform(WholeNumber(1, 10000))
       ->type_name("N");
   command.add_option("--threads", run.threads, "Thread counts; default 1, for builds 1 and all")
       ->delimiter(',')
       ->allow_extra_args(false)
-      ->check(CLI::Range(1u, 1024u))
+      ->transform(WholeNumber(1, 1024))
       ->type_name("N,M");
   command.add_option("--depth", run.depth, "Bounces of the picture whose rays are recorded; default 2")
-      ->check(CLI::Range(0u, 64u))
+      ->transform(WholeNumber(0, 64))
       ->type_name("N");
   command.add_option("--seed", run.seed, "Seed of everything random; default 1")->type_name("N");
   command
@@ -73,15 +72,15 @@ void AddOptions(CLI::App& command, RunArguments& arguments) {
           "What the trees held at once, the anchor's among them, and a building may take together, such "
           "as 8G; default: half of the memory there is. Trees that are too many are timed in groups, "
           "each with the anchor")
-      ->transform(CLI::AsSizeValue(false))
+      ->transform(WholeNumber(0, UINT64_MAX, Units::kSizes))
       ->type_name("BYTES");
   command.add_flag("--shuffled", run.shuffled, "Time a shuffled twin of each traced ray set too");
   command.add_flag("--drop-bad", run.drop_bad, "Leave out bad triangles instead of refusing the file");
   command.add_flag("--resume", run.resume, "Go on in --out and keep the cases that are there");
   command.add_flag("--no-report", arguments.no_report, "Draw no plots");
-  command.footer(
-      "Of Google Benchmark's arguments --benchmark_min_time=SECONDS (of a sample) and "
-      "--benchmark_filter=REGEX (of scene/structure/ray set/order/query/threads:N) are taken.");
+  command.footer(std::string(kGoals) +
+                 "\nOf Google Benchmark's arguments --benchmark_min_time=SECONDS (of a sample) and "
+                 "--benchmark_filter=REGEX (of scene/structure/ray set/order/query/threads:N) are taken.");
 }
 
 }  // namespace

@@ -329,7 +329,7 @@ void AddSpdCommand(CLI::App& app, Invocation& invocation) {
                         "What answers the rays that are counted; default bvh_sah(numerics=double)")
             ->type_name("A(X=1)");
         command.add_option("--threads", spd.threads, "Threads; default all")
-            ->check(CLI::Range(1u, 1024u))
+            ->transform(WholeNumber(1, 1024))
             ->type_name("N");
         command.add_option("--json", spd.json, "Write all figures as JSON")->type_name("FILE");
         command.add_option("--csv", spd.csv, "Write all figures as CSV")->type_name("FILE");

@@ -81,10 +81,10 @@ void AddOptions(CLI::App& command, VerifyArguments& arguments) {
       "With --closed: instead of closest-hit ones");
   command.add_option("--seed", verify.seed, "Seed of everything random; default 1")->type_name("N");
   command.add_option("--threads", verify.threads, "Threads; default all")
-      ->check(CLI::Range(1u, 1024u))
+      ->transform(WholeNumber(1, 1024))
       ->type_name("N");
   command.add_option("--examples", verify.examples, "Worst answers shown of a structure; default 5")
-      ->check(CLI::Range(0u, 1000u))
+      ->transform(WholeNumber(0, 1000))
       ->type_name("K");
   CLI::Option* out =
       command
@@ -106,8 +106,7 @@ void AddOptions(CLI::App& command, VerifyArguments& arguments) {
   CLI::Option* closed = command
                             .add_option("--closed", verify.closed,
                                         "Fire N rays, such as 100M, from inside a closed mesh instead")
-                            ->transform(CLI::AsSizeValue(false))
-                            ->check(CLI::Range(uint64_t{1}, uint64_t{1} << 48))
+                            ->transform(WholeNumber(uint64_t{1}, uint64_t{1} << 48, Units::kSizes))
                             ->excludes(rays)
                             ->excludes(sets)
                             ->excludes(out)

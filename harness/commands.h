@@ -5,6 +5,7 @@
 #include <CLI/CLI.hpp>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -33,6 +34,22 @@ void AddExtremesCommand(CLI::App& app, Invocation& invocation);
 void AddSpdCommand(CLI::App& app, Invocation& invocation);
 void AddReportCommand(CLI::App& app, Invocation& invocation);
 void AddVerifyCommand(CLI::App& app, Invocation& invocation);
+
+/// What may stand behind a whole number: nothing, or K, M, G, T, P, E (powers of 1024, perhaps with B or iB).
+enum class Units { kNone, kSizes };
+
+/// `text` as a whole number: decimal digits and perhaps a unit, nothing else. None if it is no such number or
+/// larger than 2^64 - 1.
+std::optional<uint64_t> ParseWholeNumber(std::string_view text, Units units);
+
+/// For options: takes what ParseWholeNumber() reads within [lo, hi] and refuses all else, saying what is
+/// allowed. CLI11 alone takes -1 for 2^64 - 1.
+CLI::Validator WholeNumber(uint64_t lo = 0, uint64_t hi = UINT64_MAX, Units units = Units::kNone);
+/// The same for a decimal number within [lo, hi]; NaN is none.
+CLI::Validator RealNumber(double lo, double hi);
+
+/// The ways to a user's goal, a line each: for raybench --help and raybench run --help, and in README.
+extern const char* const kGoals;
 
 /// What the words of --rays say.
 struct RayWords {

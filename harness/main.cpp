@@ -2,6 +2,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <csignal>
+#include <cstdio>
 #include <exception>
 #include <new>
 #include <string>
@@ -27,7 +29,11 @@ int Fail(const char* message) {
 int main(int argc, char** argv) {
   using namespace raybench;
   try {
-    return RunCommandLine({argv, argv + argc});
+    std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is an error of writing, told as such
+    const int code = RunCommandLine({argv, argv + argc});
+    if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0)
+      return Fail("the output cannot be written: no space left, or closed");
+    return code;
   } catch (const InterruptedError&) {
     return 130;
   } catch (const std::bad_alloc&) {

@@ -1,8 +1,28 @@
 # raybench_verdict: verdicts, aimed rays, truth in integers, the oracle without CGAL.
 # raybench_oracle: the exact oracle. CGAL is linked privately: its target forces -frounding-math on whoever links it.
-# Truth on disk is good for these sources only.
-file(GLOB truth_sources CONFIGURE_DEPENDS approx.h box_tree.* exact_truth.* oracle* surd.* verdict.*)
-list(APPEND truth_sources ${PROJECT_SOURCE_DIR}/accel/exact.h)
+# Truth on disk is good for these sources only: what truth is made by, all headers of ours that these include,
+# and what stands behind the headers. A file that truth comes to depend on is so among them by itself.
+file(GLOB truth_sources CONFIGURE_DEPENDS RELATIVE ${PROJECT_SOURCE_DIR} oracle*.cpp)
+list(APPEND truth_sources harness/exact_truth.cpp harness/verdict.cpp)
+set(unread ${truth_sources})
+while(unread)
+  list(POP_FRONT unread source)
+  file(STRINGS ${PROJECT_SOURCE_DIR}/${source} includes REGEX "^#include \"")
+  foreach(include IN LISTS includes)
+    string(REGEX REPLACE "^#include \"([^\"]*)\".*" "\\1" header "${include}")
+    string(REGEX REPLACE "\\.h$" ".cpp" behind "${header}")
+    foreach(file IN ITEMS ${header} ${behind})
+      if(EXISTS ${PROJECT_SOURCE_DIR}/${file} AND NOT file IN_LIST truth_sources)
+        list(APPEND truth_sources ${file})
+        list(APPEND unread ${file})
+      endif()
+    endforeach()
+  endforeach()
+endwhile()
+list(SORT truth_sources)
+list(JOIN truth_sources "\n" truth_listing)
+file(WRITE ${CMAKE_CURRENT_BINARY_DIR}/truth_sources.txt "${truth_listing}\n")
+list(TRANSFORM truth_sources PREPEND ${PROJECT_SOURCE_DIR}/)
 set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${truth_sources})
 set(RAYBENCH_TRUTH_SOURCES "")
 foreach(source ${truth_sources})

@@ -36,8 +36,8 @@ enum class Verdict : uint8_t {
   kExact,      ///< the lowest id of the tied set, t correct (a miss where truth is a miss); what IsStrict()
                ///< accepts
   kTie,        ///< another member of the tied set, t correct
-  kNeighbour,  ///< shares a vertex with a true primitive, t within 8 ulp, edge functions within the error
-               ///< bound
+  kNeighbour,  ///< shares a vertex with a true primitive, edge functions within the error bound, t within
+               ///< twice the sum of both primitives' errors of t (either plane may be off at the ray)
   kLeak,       ///< went through a closed surface at an interior edge or vertex that was crossed transversally
   kWrong,
   kWrongMarginal,

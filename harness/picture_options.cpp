@@ -5,9 +5,12 @@
 #include <charconv>
 #include <cmath>
 #include <filesystem>
+#include <limits>
 
+#include "accel/names.h"
 #include "datasets/scene_needs.h"
 #include "datasets/text.h"
+#include "harness/commands.h"
 
 namespace raybench {
 namespace {
@@ -56,7 +59,10 @@ template <class T, size_t n>
 T Chosen(const char* option, const std::string& text, const Choice<T> (&choices)[n]) {
   for (const Choice<T>& choice : choices)
     if (text == choice.name) return choice.value;
-  throw InputError(fmt::format("{} {}: allowed are {}", option, text, Names(choices)));
+  std::vector<std::string_view> known;
+  for (const Choice<T>& choice : choices) known.push_back(choice.name);
+  throw InputError(
+      fmt::format("{} {}{}: allowed are {}", option, text, DidYouMean(text, known), Names(choices)));
 }
 
 /// "0.1,0.2,0.3", each finite and at least 0.
@@ -98,7 +104,7 @@ std::vector<CLI::Option*> AddPictureOptions(CLI::App& command, PictureOptions& o
   };
   return {
       choice("--samples", options.samples, "N x N camera rays a pixel, N up to 64; default 1", "N")
-          ->check(CLI::Range(1u, 64u)),
+          ->transform(WholeNumber(1, 64)),
       choice("--pattern", options.pattern,
              fmt::format("Where they go: {}; corners are shared between pixels. Default center, with "
                          "--samples jittered",
@@ -108,9 +114,10 @@ std::vector<CLI::Option*> AddPictureOptions(CLI::App& command, PictureOptions& o
              fmt::format("How samples become pixels: {}; default box", Names(kFilters)), "FILTER"),
       choice("--adaptive", options.adaptive,
              "All samples only where colours differ by more than this, elsewhere one; 0 to 1", "CONTRAST")
-          ->check(CLI::Range(0.0f, 1.0f)),
+          ->transform(RealNumber(0, 1)),
       choice("--sampling-seed", options.sampling_seed,
-             "Seed of jittered and low-discrepancy samples; default 1", "N"),
+             "Seed of jittered and low-discrepancy samples; default 1", "N")
+          ->transform(WholeNumber()),
       choice("--rules", options.rules,
              "Which rays are traced: whitted (the illumination model) or spd (those that are counted for "
              "the Standard Procedural Databases); default whitted",
@@ -120,14 +127,15 @@ std::vector<CLI::Option*> AddPictureOptions(CLI::App& command, PictureOptions& o
                          Names(kCures)),
              "CURE"),
       choice("--self-intersection-size", options.self_intersection_size,
-             "Of tnear and normal-offset, in units of the scene; default 1e-4", "X"),
+             "Of tnear and normal-offset, in units of the scene; default 1e-4", "X")
+          ->transform(RealNumber(0, double(std::numeric_limits<float>::max()))),
       choice("--fresnel", options.fresnel,
              fmt::format("Fresnel's equations for what transmits: {}; default material (where it asks)",
                          Names(kFresnelModes)),
              "MODE"),
       choice("--min-contribution", options.min_contribution,
              "Paths that add less than this to a pixel end; 0 to 1, default 0: none does", "X")
-          ->check(CLI::Range(0.0f, 1.0f)),
+          ->transform(RealNumber(0, 1)),
       choice("--needs", options.needs,
              "What is modelled: what the scene needs (scene) or whatever any scene may need (all), the same "
              "picture with more work and memory; default scene",

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <memory>
 
+#include "accel/names.h"
 #include "accel/structure.h"
 #include "datasets/hash.h"
 #include "datasets/random.h"
@@ -282,7 +283,9 @@ void CheckAimedSetNames(const std::vector<std::string>& names) {
   for (const std::string& name : names)
     if (std::find(std::begin(kNames), std::end(kNames), name) == std::end(kNames))
       throw InputError(
-          fmt::format("--sets: unknown ray set '{}'; allowed are {}", name, fmt::join(kNames, ", ")));
+          fmt::format("--sets: unknown ray set '{}'{}; allowed are {}", name,
+                      DidYouMean(name, std::vector<std::string_view>(std::begin(kNames), std::end(kNames))),
+                      fmt::join(kNames, ", ")));
 }
 
 std::vector<AimedSet> SharedSets(const Scene& scene, std::span<const MeshEdge> edges, uint64_t count,

@@ -6,6 +6,7 @@
 #include <map>
 #include <set>
 
+#include "accel/names.h"
 #include "datasets/fetch.h"
 #include "datasets/scene_needs.h"
 #include "harness/aimed.h"
@@ -155,10 +156,11 @@ void CheckSetNames(const std::vector<std::string>& sets) {
     const bool several = kind == "shadow" || kind == "reflection" || kind == "refraction";
     if (std::find(std::begin(kKinds), std::end(kKinds), kind) == std::end(kKinds) ||
         !(plain || (several && number)))
-      throw InputError(
-          fmt::format("--sets: unknown ray set '{}'; allowed are {}, and shadow.N, reflection.N, "
-                      "refraction.N at depth N",
-                      name, fmt::join(kKinds, ", ")));
+      throw InputError(fmt::format(
+          "--sets: unknown ray set '{}'{}; allowed are {}, and shadow.N, reflection.N, "
+          "refraction.N at depth N",
+          name, DidYouMean(kind, std::vector<std::string_view>(std::begin(kKinds), std::end(kKinds))),
+          fmt::join(kKinds, ", ")));
   }
 }
 

@@ -1,9 +1,13 @@
 #include "harness/results.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/file.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
+#include <cstring>
 #include <fstream>
 #include <stdexcept>
 
@@ -106,12 +110,14 @@ void WriteFileAtomically(const fs::path& path, const std::string& text) {
   const fs::path temporary = fmt::format("{}.{}.tmp", path.string(), getpid());
   std::error_code error;
   {
+    errno = 0;
     std::ofstream out(temporary, std::ios::binary);
     out << text;
     out.close();
     if (!out) {
+      const std::string why = std::strerror(errno);  // of the write that failed: nothing came between
       fs::remove(temporary, error);
-      throw InputError(fmt::format("{}: cannot be written", path.string()));
+      throw InputError(fmt::format("{}: cannot be written: {}", path.string(), why));
     }
   }
   fs::rename(temporary, path, error);
@@ -121,6 +127,18 @@ void WriteFileAtomically(const fs::path& path, const std::string& text) {
     throw InputError(fmt::format("{}: cannot be written: {}", path.string(), why));
   }
 }
+
+OneProcessLock::OneProcessLock(const fs::path& folder) {
+  file_ = open((folder / ".lock").c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0666);
+  if (file_ < 0)
+    throw InputError(fmt::format("{}: cannot be written: {}", folder.string(), std::strerror(errno)));
+  if (flock(file_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;  // not every file system can lock
+  close(file_);
+  throw InputError(fmt::format("{}: another raybench is writing there; wait for it, or choose another --out",
+                               folder.string()));
+}
+
+OneProcessLock::~OneProcessLock() { close(file_); }
 
 ResultFolder::ResultFolder(fs::path path, bool resume) : path_(std::move(path)) {
   std::error_code error;
@@ -133,6 +151,9 @@ ResultFolder::ResultFolder(fs::path path, bool resume) : path_(std::move(path)) 
         "{} already holds {} finished cases: add --resume to go on there, or choose another --out",
         path_.string(), cases));
   }
+  fs::create_directories(path_, error);
+  if (error) throw InputError(fmt::format("{}: cannot be created: {}", path_.string(), error.message()));
+  lock_.emplace(path_);
   for (const char* part : {"cases", "images"}) {
     fs::create_directories(path_ / part, error);
     if (error)

@@ -4,6 +4,7 @@
 
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -26,6 +27,20 @@ std::string CsvField(const Json& value);
 /// Writes through a temporary file that is then renamed. Throws InputError naming the file.
 void WriteFileAtomically(const std::filesystem::path& path, const std::string& text);
 
+/// A folder for one process alone, by flock() on its file .lock: what a killed process leaves holds nobody
+/// up.
+class OneProcessLock {
+ public:
+  /// The folder must be there. Throws InputError if another process holds it, or nothing can be written
+  /// there.
+  explicit OneProcessLock(const std::filesystem::path& folder);
+  OneProcessLock(const OneProcessLock&) = delete;
+  ~OneProcessLock();
+
+ private:
+  int file_ = -1;
+};
+
 class ResultFolder {
  public:
   /// Creates the folder. Throws InputError when it holds cases already and `resume` is not set, or cannot be
@@ -47,6 +62,7 @@ class ResultFolder {
 
  private:
   std::filesystem::path path_;
+  std::optional<OneProcessLock> lock_;
 };
 
 }  // namespace raybench

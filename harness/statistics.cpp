@@ -83,7 +83,11 @@ class Visitor {
   }
 
   TreeStatistics Finish() {
-    if (nodes_ == 0) return {};
+    if (nodes_ == 0) {
+      if (!referenced_.empty())
+        Flaw(fmt::format("the visit shows no node, but there are {} primitives", referenced_.size()));
+      return std::move(statistics_);
+    }
     if (!last_is_leaf_)
       Flaw(fmt::format("node {} of the visit is an inner node without children", nodes_ - 1));
     for (size_t prim = 0; prim < referenced_.size(); ++prim)

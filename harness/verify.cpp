@@ -10,6 +10,7 @@
 #include <filesystem>
 #include <map>
 #include <new>
+#include <optional>
 #include <set>
 
 #include "datasets/scene_needs.h"
@@ -22,6 +23,7 @@
 #include "harness/progress.h"
 #include "harness/ray_aim.h"
 #include "harness/ray_sets.h"
+#include "harness/results.h"
 #include "harness/run_facts.h"
 #include "harness/table.h"
 #include "harness/truth_cache.h"
@@ -167,11 +169,12 @@ class Verification {
       throw InputError(fmt::format("{}: holds the results of another verification", options_.out));
   }
 
-  void MakeOut() const {
+  void MakeOut() {
     if (options_.out.empty()) return;
     std::error_code error;
     fs::create_directories(options_.out, error);
     if (error) throw InputError(fmt::format("{}: cannot be made: {}", options_.out, error.message()));
+    lock_.emplace(options_.out);
   }
 
   void Update(std::string_view what) {
@@ -491,6 +494,7 @@ class Verification {
   const Registry& registry_;
   const VerifyOptions& options_;
   Progress progress_;
+  std::optional<OneProcessLock> lock_;
   std::vector<Contestant> contestants_;
   std::vector<Scene> scenes_;
   std::vector<std::vector<SourcedSet>> replayed_;  // by scene; empty: sets are made

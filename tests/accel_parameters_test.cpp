@@ -3,7 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <cstddef>
+#include <limits>
 
+#include "accel/names.h"
 #include "accel/parameters.h"
 #include "accel/registry.h"
 
@@ -68,6 +70,55 @@ TEST(Parameters, ErrorsSayWhatIsAllowed) {
   EXPECT_THAT(ErrorOf([] { Make("thing(flag=yes)"); }), HasSubstr("false, true"));
 }
 
+TEST(Parameters, TheNearestNameIsMeant) {
+  constexpr std::string_view known[] = {"bunny", "bvh_sah", "bvh_sweep", "grid", "kdop"};
+  for (auto [typed, meant] : {std::pair("bunnyy", "bunny"),
+                              {"buny", "bunny"},
+                              {"bvh_sha", "bvh_sah"},
+                              {"BUNNY", "bunny"},
+                              {"gird", "grid"},
+                              {"bvhswep", "bvh_sweep"}})
+    EXPECT_EQ(DidYouMean(typed, known), std::string(" (did you mean ") + meant + "?)") << typed;
+  for (const char* far : {"", "x", "embree", "sphereflake", "gr", "kd"})
+    EXPECT_EQ(DidYouMean(far, known), "") << far;
+}
+
+TEST(Parameters, WhatIsBadlyDescribedIsNamed) {
+  EXPECT_EQ(FlawOfParameters(kParams, sizeof(Config)), "");
+  const auto flaw = [](size_t which, auto&& change) {
+    std::vector<rb_param> params(std::begin(kParams), std::end(kParams));
+    change(params[which]);
+    return FlawOfParameters(params, sizeof(Config));
+  };
+  static const char* const none[] = {nullptr};
+  static const char* const twice[] = {"a", "a", nullptr};
+  static const char* const spaced[] = {"a b", nullptr};
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_THAT(flaw(0, [](rb_param& p) { p.name = nullptr; }), HasSubstr("parameter 0"));
+  EXPECT_THAT(flaw(0, [](rb_param& p) { p.name = "a=b"; }), HasSubstr("parameter 0"));
+  EXPECT_THAT(flaw(1, [](rb_param& p) { p.name = "count"; }), HasSubstr("'count': there are two"));
+  EXPECT_THAT(flaw(0, [](rb_param& p) { p.doc = nullptr; }), HasSubstr("'count': it lacks doc"));
+  EXPECT_THAT(flaw(0, [](rb_param& p) { p.type = 4; }), HasSubstr("type 4"));
+  EXPECT_THAT(flaw(0, [](rb_param& p) { p.offset = 4; }), HasSubstr("aligned"));
+  EXPECT_THAT(flaw(3, [](rb_param& p) { p.offset = sizeof(Config); }), HasSubstr("offset 24"));
+  EXPECT_THAT(flaw(3, [](rb_param& p) { p.offset = 0xFFFFFFFC; }), HasSubstr("offset 4294967292"));
+  EXPECT_THAT(flaw(3, [](rb_param& p) { p.offset = offsetof(Config, mode); }), HasSubstr("shares bytes"));
+  EXPECT_THAT(flaw(0, [](rb_param& p) { p.def = 10; }), HasSubstr("'count': default 10"));
+  EXPECT_THAT(flaw(0, [](rb_param& p) { p.lo = 10; }), HasSubstr("range 10 to 9"));
+  EXPECT_THAT(flaw(0, [](rb_param& p) { p.def = 2.5; }), HasSubstr("64-bit"));
+  EXPECT_THAT(flaw(0, [](rb_param& p) { p.hi = 1e30; }), HasSubstr("64-bit"));
+  EXPECT_THAT(flaw(1, [&](rb_param& p) { p.def = nan; }), HasSubstr("'factor': default nan"));
+  EXPECT_THAT(flaw(1, [&](rb_param& p) { p.hi = nan; }), HasSubstr("'factor'"));
+  EXPECT_THAT(flaw(2, [](rb_param& p) { p.def = 2; }), HasSubstr("'mode': default 2 is none of its 2"));
+  EXPECT_THAT(flaw(2, [](rb_param& p) { p.def = -1; }), HasSubstr("'mode': default -1"));
+  EXPECT_THAT(flaw(2, [&](rb_param& p) { p.def = nan; }), HasSubstr("'mode': default nan"));
+  EXPECT_THAT(flaw(3, [](rb_param& p) { p.def = 2; }), HasSubstr("'flag': default 2"));
+  EXPECT_THAT(flaw(2, [](rb_param& p) { p.choices = nullptr; }), HasSubstr("lacks choices"));
+  EXPECT_THAT(flaw(2, [](rb_param& p) { p.choices = none; }), HasSubstr("no choices"));
+  EXPECT_THAT(flaw(2, [](rb_param& p) { p.choices = twice; }), HasSubstr("choice 1 'a'"));
+  EXPECT_THAT(flaw(2, [](rb_param& p) { p.choices = spaced; }), HasSubstr("choice 0 'a b'"));
+}
+
 TEST(Parameters, MalformedTextIsRefused) {
   for (const char* text : {"", "thing(", "thing(count)", "thing(count=)", "thing(=3)", "thing(count=1,)",
                            "thing()x", "thing(count=1,count=2)", "thing(a=(b))", "(count=1)", "th ing"}) {
@@ -86,7 +137,8 @@ TEST(Registry, KnowsEveryBuiltinOnceAndFindsByName) {
   Registry registry;
   for (const rb_structure* s : registry.structures()) EXPECT_EQ(&registry.Find(s->name), s);
   for (const char* name : {"null", "brute", "bvh_sah"}) EXPECT_NO_THROW(registry.Find(name)) << name;
-  EXPECT_THAT(ErrorOf([&] { registry.Find("kdtree"); }), HasSubstr("known: bounds_flat, brute, bvh_"));
+  EXPECT_THAT(ErrorOf([&] { registry.Find("kdtree"); }), HasSubstr("see: raybench list structures"));
+  EXPECT_THAT(ErrorOf([&] { registry.Find("bvh_sha"); }), HasSubstr("'bvh_sha' (did you mean bvh_sah?)"));
   EXPECT_THAT(ErrorOf([&] { registry.LoadPlugin("no_such_plugin.so"); }), HasSubstr("no_such_plugin.so"));
 }
 

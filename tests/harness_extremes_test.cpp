@@ -215,7 +215,7 @@ TEST_F(HarnessCommand, ABrokenClaimEndsExtremesWithOneAndARayThatShowsIt) {
 TEST_F(HarnessCommand, ExtremesSaysWhatIsWrongAndWhatThereIs) {
   const std::string out = (folder_ / "out").string();
   for (const auto& [arguments, says] : std::vector<std::pair<std::vector<std::string>, std::string>>{
-           {{"--suites", "edge_aim,nosuch"}, "unknown suite 'nosuch'; known: edge_aim, far_scene"},
+           {{"--suites", "edge_aim,nosuch"}, "unknown suite 'nosuch'; see: raybench extremes --list"},
            {{"--suites", "sliver,sliver"}, "given twice"},
            {{"--structures", "nosuch"}, "nosuch"},
            {{"--rays", "3"}, "--rays"}}) {

@@ -19,6 +19,28 @@
 namespace raybench {
 namespace {
 
+TEST(TreeFigures, AVisitorThatShowsNothingIsAFlawUnlessThereIsNothing) {
+  static rb_structure silent{};
+  silent.name = "silent";
+  silent.build = [](const rb_geometry*, const rb_build_options*, const void*, rb_tree** tree, char*, size_t) {
+    *tree = reinterpret_cast<rb_tree*>(&silent);
+    return 0;
+  };
+  silent.destroy = [](rb_tree*) {};
+  silent.visit = [](const rb_tree*, int (*)(void*, const rb_node*), void*) { return 0; };
+  const float positions[4][3] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+  const uint32_t triangles[1][3] = {{0, 1, 2}};
+  rb_geometry geometry{};
+  geometry.struct_size = sizeof geometry;
+  geometry.positions = positions, geometry.vertex_count = 3, geometry.triangles = triangles;
+  geometry.triangle_count = 1;
+  const Contestant contestant{&silent, {}};
+  EXPECT_EQ(ReadTree(Tree(contestant, geometry, DefaultBuildOptions()), geometry)->flaw,
+            "the visit shows no node, but there are 1 primitives");
+  geometry.triangle_count = 0;
+  EXPECT_EQ(ReadTree(Tree(contestant, geometry, DefaultBuildOptions()), geometry)->flaw, "");
+}
+
 TEST(HarnessMedian, IntervalIsThatOfTheBinomialTable) {
   // n: ranks (from 1) of the narrowest symmetric interval of at least 95 %, from a binomial table.
   struct Row {

@@ -2,11 +2,16 @@
 #include <gtest/gtest.h>
 
 #include <cstdlib>
+#include <filesystem>
 #include <fstream>
+#include <set>
+#include <sstream>
 
 #include "datasets/random.h"
+#include "harness/build_info.h"
 #include "harness/truth_cache.h"
 #include "tests/command.h"
+#include "tests/files.h"
 
 namespace raybench {
 namespace {
@@ -88,6 +93,24 @@ class HarnessTruthCache : public HarnessCommand {
   std::vector<Truth> expected_;
   std::vector<std::string> said_;
 };
+
+TEST(TruthSources, HoldWhateverTheOracleIncludes) {
+  std::set<std::string> sources;
+  std::istringstream lines(Read(std::filesystem::path(kBinaryDirectory) / "harness" / "truth_sources.txt"));
+  for (std::string line; std::getline(lines, line);) sources.insert(line);
+  for (const char* needed :
+       {"accel/exact.h", "accel/vec3.h", "datasets/orientation.h", "datasets/orientation.cpp",
+        "datasets/procedural.cpp", "harness/box_tree.cpp", "harness/exact_truth.cpp", "harness/margins.cpp",
+        "harness/oracle_cgal.cpp", "harness/surd.cpp", "harness/verdict.cpp"})
+    EXPECT_TRUE(sources.contains(needed)) << needed;
+  // Closed: what one of them includes is among them.
+  for (const std::string& source : sources) {
+    std::istringstream text(Read(std::filesystem::path(kSourceDirectory) / source));
+    for (std::string line; std::getline(text, line);)
+      if (line.starts_with("#include \""))
+        EXPECT_TRUE(sources.contains(line.substr(10, line.find('"', 10) - 10))) << source << ": " << line;
+  }
+}
 
 TEST_F(HarnessTruthCache, AsksOnce) {
   EXPECT_EQ(Ask(), rays_.size());

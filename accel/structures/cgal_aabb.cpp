@@ -32,10 +32,15 @@
 #include <variant>
 #include <vector>
 
+#include "accel/build_records.h"
 #include "accel/structure.h"
 
 namespace raybench {
 namespace {
+
+/// Of the tree that this thread builds. CGAL's build cannot be stopped; what it asks of a primitive can
+/// throw.
+thread_local const volatile int* building_cancel = nullptr;
 
 template <class K>
 class KernelTree {
@@ -55,7 +60,10 @@ class KernelTree {
     explicit Primitive(Iterator it) : triangle(&*it) {}
     Id id() const { return triangle; }
     const Datum& datum() const { return *triangle; }
-    Point reference_point() const { return triangle->vertex(0); }
+    Point reference_point() const {
+      CheckCancel(building_cancel);
+      return triangle->vertex(0);
+    }
   };
 #if CGAL_VERSION_NR >= 1060000000
   using Traits = CGAL::AABB_traits_3<K, Primitive>;
@@ -66,14 +74,21 @@ class KernelTree {
   using Number = typename K::FT;
 
  public:
-  explicit KernelTree(const rb_geometry& geometry) {
+  KernelTree(const rb_geometry& geometry, const rb_build_options& options) {
+    const uint64_t n = geometry.triangle_count;
+    if (options.memory_limit > 0 && BytesOf(n).nodes + BytesOf(n).prims > options.memory_limit)
+      throw std::runtime_error("the tree needs more than the memory limit");
+    building_cancel = options.cancel;
     triangles_.reserve(geometry.triangle_count);
-    for (uint32_t i = 0; i < geometry.triangle_count; ++i)
+    for (uint32_t i = 0; i < geometry.triangle_count; ++i) {
+      CheckCancel(building_cancel);
       triangles_.emplace_back(ToPoint(Vertex(geometry, i, 0)), ToPoint(Vertex(geometry, i, 1)),
                               ToPoint(Vertex(geometry, i, 2)));
+    }
     tree_.do_not_accelerate_distance_queries();
     tree_.insert(triangles_.begin(), triangles_.end());
     tree_.build();
+    building_cancel = nullptr;
   }
 
   template <bool kAnyHit>
@@ -94,8 +109,8 @@ class KernelTree {
     tree_.traversal(ray, traits);
   }
 
-  MemoryUse Memory() const {
-    const uint64_t n = triangles_.size();
+  MemoryUse Memory() const { return BytesOf(triangles_.size()); }
+  static MemoryUse BytesOf(uint64_t n) {
     return {(n > 0 ? n - 1 : 0) * sizeof(Node), n * (sizeof(Triangle) + sizeof(Primitive)), false};
   }
 
@@ -207,20 +222,21 @@ class CgalAabb {
     static const rb_param params[] = {
         {"kernel",
          "numbers and predicates: epick (double, exact predicates), cartesian_double, cartesian_float",
-         RB_CHOICE, 0, offsetof(Config, kernel), 0, 0, 0, 0, kKernels}};
+         RB_CHOICE, RB_PARAM_APPROXIMATE, offsetof(Config, kernel), 0, 0, 0, 0, kKernels}};
     return params;
   }
 
-  CgalAabb(const rb_geometry& geometry, const rb_build_options&, const Config& config) : geometry_(geometry) {
+  CgalAabb(const rb_geometry& geometry, const rb_build_options& options, const Config& config)
+      : geometry_(geometry) {
     switch (config.kernel) {
       case 0:
-        tree_.emplace<1>(geometry);
+        tree_.emplace<1>(geometry, options);
         break;
       case 1:
-        tree_.emplace<2>(geometry);
+        tree_.emplace<2>(geometry, options);
         break;
       default:
-        tree_.emplace<3>(geometry);
+        tree_.emplace<3>(geometry, options);
     }
   }
 

@@ -15,6 +15,7 @@
 #include "harness/plan.h"
 #include "harness/progress.h"
 #include "harness/python.h"
+#include "harness/results.h"
 #include "harness/run_facts.h"
 
 namespace raybench::extremes {
@@ -94,6 +95,7 @@ class ExtremesRun {
           fmt::format("{} already holds an extremes.csv: choose another --out", folder_.string()));
     fs::create_directories(folder_, error);
     if (error) throw InputError(fmt::format("{}: cannot be created: {}", folder_.string(), error.message()));
+    lock_.emplace(folder_);
   }
 
   void MeasureAll() {
@@ -235,6 +237,7 @@ class ExtremesRun {
   const Registry& registry_;
   const Options& options_;
   Progress progress_;
+  std::optional<OneProcessLock> lock_;
   std::vector<const Suite*> suites_;
   std::vector<Planned> plan_;
   std::vector<Contestant> contestants_;

@@ -58,9 +58,9 @@ struct Suite {
 };
 
 std::span<const Suite> Suites();
-/// Throws InputError listing the known names.
+/// Throws InputError with the nearest known name.
 const Suite& FindSuite(const std::string& name);
-/// What NUMERICS' list has and no suite covers, with the reason; for --list.
+/// What is known to go wrong elsewhere and no suite covers, with the reason; for --list.
 extern const char* const kNotCovered;
 
 // The suites, by what they vary.

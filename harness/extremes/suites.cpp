@@ -1,6 +1,7 @@
 // The table of suites.
 #include <fmt/format.h>
 
+#include "accel/names.h"
 #include "harness/extremes/suite.h"
 
 namespace raybench::extremes {
@@ -16,12 +17,13 @@ std::span<const Suite> Suites() {
 }
 
 const Suite& FindSuite(const std::string& name) {
-  std::string known;
+  std::vector<std::string_view> known;
   for (const Suite& suite : Suites()) {
     if (name == suite.name) return suite;
-    known += (known.empty() ? "" : ", ") + std::string(suite.name);
+    known.push_back(suite.name);
   }
-  throw InputError(fmt::format("unknown suite '{}'; known: {}", name, known));
+  throw InputError(
+      fmt::format("unknown suite '{}'{}; see: raybench extremes --list", name, DidYouMean(name, known)));
 }
 
 }  // namespace raybench::extremes
