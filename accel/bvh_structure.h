@@ -32,7 +32,7 @@ struct BvhConfig {
 inline constexpr rb_param kBvhNumerics = {"numerics",
                                           kNumericsDoc,
                                           RB_CHOICE,
-                                          0,
+                                          RB_PARAM_APPROXIMATE,
                                           offsetof(BvhConfig, numerics),
                                           0,
                                           0,

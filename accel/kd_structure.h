@@ -56,7 +56,7 @@ class KdMedianStructure : public KdStructure {
   static std::span<const rb_param> Params() {
     static const char* const axes[] = {"cyclic", "largest", nullptr};
     static const rb_param params[] = {
-        {"numerics", kNumericsDoc, RB_CHOICE, 0, offsetof(Config, numerics), 0, 0, 0,
+        {"numerics", kNumericsDoc, RB_CHOICE, RB_PARAM_APPROXIMATE, offsetof(Config, numerics), 0, 0, 0,
          double(Numerics::kWatertight), kNumericsChoices},
         {"axis", "axis of the plane: in turn, or of the cell's largest extent", RB_CHOICE, 0,
          offsetof(Config, axis), 0, 0, 0, double(KdAxisRule::kLargest), axes},

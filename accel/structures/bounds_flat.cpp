@@ -32,7 +32,7 @@ class BoundsFlat {
     static const char* const kBounds[] = {"sphere", "box", "kdop14", "kdop26", nullptr};
     static const rb_param params[] = {
         {"bound", "kind of bound", RB_CHOICE, 0, offsetof(Config, bound), 0, 0, 0, 1, kBounds},
-        {"numerics", kNumericsDoc, RB_CHOICE, 0, offsetof(Config, numerics), 0, 0, 0,
+        {"numerics", kNumericsDoc, RB_CHOICE, RB_PARAM_APPROXIMATE, offsetof(Config, numerics), 0, 0, 0,
          double(Numerics::kWatertight), kNumericsChoices}};
     return params;
   }

@@ -28,10 +28,11 @@ class BvhSphere {
   static constexpr uint64_t kCapabilities =
       RB_CAN_COUNT | RB_CAN_PROCEDURAL | RB_CAN_AFTER | RB_CAN_SKIP | RB_DETERMINISTIC;
   static std::span<const rb_param> Params() {
-    static const rb_param params[] = {{"numerics", kNumericsDoc, RB_CHOICE, 0, offsetof(Config, numerics), 0,
-                                       0, 0, double(Numerics::kWatertight), kNumericsChoices},
-                                      {"leaf_size", "most primitives in a leaf", RB_INT, 0,
-                                       offsetof(Config, leaf_size), 0, 1, 16, 8, nullptr}};
+    static const rb_param params[] = {
+        {"numerics", kNumericsDoc, RB_CHOICE, RB_PARAM_APPROXIMATE, offsetof(Config, numerics), 0, 0, 0,
+         double(Numerics::kWatertight), kNumericsChoices},
+        {"leaf_size", "most primitives in a leaf", RB_INT, 0, offsetof(Config, leaf_size), 0, 1, 16, 8,
+         nullptr}};
     return params;
   }
 

@@ -64,14 +64,15 @@ class EmbreeTopology {
   static constexpr uint64_t kCapabilities = RB_CAN_COUNT | RB_CAN_PROCEDURAL | RB_CAN_AFTER | RB_CAN_SKIP;
   static std::span<const rb_param> Params() {
     static const char* const kQualities[] = {"low", "medium", nullptr};
-    static const rb_param params[] = {{"quality", "build quality: low (Morton), medium (binned SAH)",
-                                       RB_CHOICE, 0, offsetof(Config, quality), 0, 0, 0, 1, kQualities},
-                                      {"numerics", kNumericsDoc, RB_CHOICE, 0, offsetof(Config, numerics), 0,
-                                       0, 0, double(Numerics::kWatertight), kNumericsChoices},
-                                      {"width", "most children of a node", RB_INT, 0, offsetof(Config, width),
-                                       0, 2, kWidth, kWidth, nullptr},
-                                      {"leaf_size", "most primitives in a leaf", RB_INT, 0,
-                                       offsetof(Config, leaf_size), 0, 1, kMaxLeaf, 8, nullptr}};
+    static const rb_param params[] = {
+        {"quality", "build quality: low (Morton), medium (binned SAH)", RB_CHOICE, 0,
+         offsetof(Config, quality), 0, 0, 0, 1, kQualities},
+        {"numerics", kNumericsDoc, RB_CHOICE, RB_PARAM_APPROXIMATE, offsetof(Config, numerics), 0, 0, 0,
+         double(Numerics::kWatertight), kNumericsChoices},
+        {"width", "most children of a node", RB_INT, 0, offsetof(Config, width), 0, 2, kWidth, kWidth,
+         nullptr},
+        {"leaf_size", "most primitives in a leaf", RB_INT, 0, offsetof(Config, leaf_size), 0, 1, kMaxLeaf, 8,
+         nullptr}};
     return params;
   }
 

@@ -35,7 +35,7 @@ class Grid {
   static std::span<const rb_param> Params() {
     constexpr auto kMax = double(VoxelGrid::kMaxResolution);
     static const rb_param params[] = {
-        {"numerics", kNumericsDoc, RB_CHOICE, 0, offsetof(Config, numerics), 0, 0, 0,
+        {"numerics", kNumericsDoc, RB_CHOICE, RB_PARAM_APPROXIMATE, offsetof(Config, numerics), 0, 0, 0,
          double(Numerics::kWatertight), kNumericsChoices},
         {"rule", kGridRuleDoc, RB_CHOICE, 0, offsetof(Config, rule), 0, 0, 0,
          double(GridRule::kHeterogeneous), kGridRuleChoices},

@@ -32,7 +32,7 @@ class GridRecursive {
       RB_CAN_COUNT | RB_CAN_PROCEDURAL | RB_CAN_AFTER | RB_CAN_SKIP | RB_DETERMINISTIC;
   static std::span<const rb_param> Params() {
     static const rb_param params[] = {
-        {"numerics", kNumericsDoc, RB_CHOICE, 0, offsetof(Config, numerics), 0, 0, 0,
+        {"numerics", kNumericsDoc, RB_CHOICE, RB_PARAM_APPROXIMATE, offsetof(Config, numerics), 0, 0, 0,
          double(Numerics::kWatertight), kNumericsChoices},
         {"density", "cells per primitive, of each grid", RB_FLOAT, RB_PARAM_LOG, offsetof(Config, density), 0,
          0.001, 64, 0.5, nullptr},

@@ -30,7 +30,7 @@ class KdTreeSah : public KdStructure {
     static const char* const builders[] = {"sweep", "binned", nullptr};
     static const char* const axes[] = {"cyclic", "largest", "best", nullptr};
     static const rb_param params[] = {
-        {"numerics", kNumericsDoc, RB_CHOICE, 0, offsetof(Config, numerics), 0, 0, 0,
+        {"numerics", kNumericsDoc, RB_CHOICE, RB_PARAM_APPROXIMATE, offsetof(Config, numerics), 0, 0, 0,
          double(Numerics::kWatertight), kNumericsChoices},
         {"builder", "planes compared: all that bound a primitive (sweep), or evenly spaced ones (binned)",
          RB_CHOICE, 0, offsetof(Config, builder), 0, 0, 0, 0, builders},

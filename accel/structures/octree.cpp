@@ -48,7 +48,7 @@ class Octree {
       RB_CAN_COUNT | RB_CAN_PROCEDURAL | RB_CAN_AFTER | RB_CAN_SKIP | RB_DETERMINISTIC;
   static std::span<const rb_param> Params() {
     static const rb_param params[] = {
-        {"numerics", kNumericsDoc, RB_CHOICE, 0, offsetof(Config, numerics), 0, 0, 0,
+        {"numerics", kNumericsDoc, RB_CHOICE, RB_PARAM_APPROXIMATE, offsetof(Config, numerics), 0, 0, 0,
          double(Numerics::kWatertight), kNumericsChoices},
         {"depth", "deepest level; the root has 0", RB_INT, 0, offsetof(Config, depth), 0, 0, kMaxCenterDepth,
          16, nullptr},

@@ -62,7 +62,7 @@ class Quadtree {
       RB_CAN_COUNT | RB_CAN_PROCEDURAL | RB_CAN_AFTER | RB_CAN_SKIP | RB_DETERMINISTIC;
   static std::span<const rb_param> Params() {
     static const rb_param params[] = {
-        {"numerics", kNumericsDoc, RB_CHOICE, 0, offsetof(Config, numerics), 0, 0, 0,
+        {"numerics", kNumericsDoc, RB_CHOICE, RB_PARAM_APPROXIMATE, offsetof(Config, numerics), 0, 0, 0,
          double(Numerics::kWatertight), kNumericsChoices},
         {"axis", "of height, which is not cut; auto: along which the fewest boxes stand behind one another",
          RB_CHOICE, 0, offsetof(Config, axis), 0, 0, 0, 0, kAxisChoices},
