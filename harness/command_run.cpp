@@ -46,7 +46,7 @@ void AddOptions(CLI::App& command, RunArguments& arguments) {
   command
       .add_option(
           "--budget", run.budget,
-          "Seconds that timing a case may take; default 0.36, quick 0.06, or as much a sample with "
+          "Seconds that timing a case may take; default 0.36, quick 0.03, or as much a sample with "
           "--repetitions. What is too slow for that is timed on a part of its rays (1/4, 1/16, ... of "
           "the tiles; column timed_rays), the anchor beside it on the same part; builds get fewer "
           "samples. Verdicts and counters are of all rays")

@@ -49,7 +49,7 @@ struct RunOptions {
   /// Six samples are the fewest that have an interval of 95 %.
   uint32_t Repetitions() const { return repetitions != 0 ? repetitions : quick ? 6 : 9; }
   /// More samples by name are not shorter ones.
-  double Budget() const { return budget != 0 ? budget : Repetitions() * (quick ? 0.01 : 0.04); }
+  double Budget() const { return budget != 0 ? budget : Repetitions() * (quick ? 0.005 : 0.04); }
 };
 
 /// The model that runs when no scene is named, and the generators beside it.

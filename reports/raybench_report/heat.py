@@ -16,7 +16,7 @@ import numpy as np
 from matplotlib import colors, ticker
 
 from . import style
-from .results import RunError, write_atomically
+from .results import RunError, in_parallel, write_atomically
 
 KINDS = {
     "steps": ("traversal steps\nper ray", "Traversal steps: nodes or cells a ray traverses, leaves included.", "steps"),
@@ -95,16 +95,18 @@ def write(heat, out, kinds=tuple(KINDS), scale="auto"):
 
 def draw_all(run):
     """Writes DIR/plots/heat_STEM.png for each DIR/heat/STEM that a run left. Returns [(name, what it shows)]."""
-    drawn = []
-    for folder in sorted(path.parent for path in (run.directory / "heat").glob("*/heat.json")):
-        try:
-            heat = read(folder)
-        except NothingCounted:
-            continue
-        name = f"heat_{folder.name}"
-        write(heat, run.directory / "plots" / f"{name}.png")
-        drawn.append((name, f"{short(heat.scene)}: what each camera ray costs"))
-    return drawn
+    folders = sorted(path.parent for path in (run.directory / "heat").glob("*/heat.json"))
+    return [entry for entry in in_parallel(_draw, [(run, folder) for folder in folders]) if entry]
+
+
+def _draw(run, folder):
+    try:
+        heat = read(folder)
+    except NothingCounted:
+        return None
+    name = f"heat_{folder.name}"
+    write(heat, run.directory / "plots" / f"{name}.png")
+    return name, f"{short(heat.scene)}: what each camera ray costs"
 
 
 def norm(maps, scale="auto"):

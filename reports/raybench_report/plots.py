@@ -5,39 +5,43 @@ import numpy as np
 from matplotlib.patches import Patch
 
 from . import predictors, style
-from .results import NULL, RunError, timed, write_atomically
+from .results import NULL, RunError, in_parallel, timed, write_atomically
 
 INTERVAL = "Mark: median over samples; line: its interval of at least 95 %, where wider than the mark."
 
 
 def draw_all(run):
     """Writes DIR/plots/NAME.png and NAME.svg. Returns [(name, what it shows)] in the order of the report."""
-    figures = []
+    jobs = []
     for count in sorted(timed(run.queries)["threads"].unique()):
-        suffix = "" if not figures else f"_threads{count:.0f}"
-        figures.append((f"rays_per_second{suffix}", f"Rays per second, {_threads(count)}", rays_per_second(run, count)))
-    figures += [
-        ("build_time", "Time to build", build_time(run)),
-        ("node_visits", "Nodes or cells traversed per ray", node_visits(run)),
-        ("primitive_tests", "Ray–primitive tests per ray", primitive_tests(run)),
-        ("memory", "Memory of the built structures", memory(run)),
-        ("error_and_speed", "Wrong answers against speed", error_and_speed(run)),
-        ("predictors", "What predicts the time of a tree: SAH cost, EPO, LCV", predictors.figure(run)),
+        suffix = "" if not jobs else f"_threads{count:.0f}"
+        jobs.append((f"rays_per_second{suffix}", f"Rays per second, {_threads(count)}", rays_per_second, count))
+    jobs += [
+        ("build_time", "Time to build", build_time),
+        ("node_visits", "Nodes or cells traversed per ray", node_visits),
+        ("primitive_tests", "Ray–primitive tests per ray", primitive_tests),
+        ("memory", "Memory of the built structures", memory),
+        ("error_and_speed", "Wrong answers against speed", error_and_speed),
+        ("predictors", "What predicts the time of a tree: SAH cost, EPO, LCV", predictors.figure),
     ]
-    folder = run.directory / "plots"
-    folder.mkdir(exist_ok=True)
-    drawn = []
-    for name, title, figure in figures:
-        if figure is None:
-            continue
-        for suffix in ("png", "svg"):
-            metadata = {"Date": None, "Creator": None} if suffix == "svg" else {"Software": None}
-            write_atomically(folder / f"{name}.{suffix}", lambda path: figure.savefig(path, metadata=metadata))
-        plt.close(figure)
-        drawn.append((name, title))
+    (run.directory / "plots").mkdir(exist_ok=True)
+    drawn = [entry for entry in in_parallel(_draw, [(run, *job) for job in jobs]) if entry]
     if not drawn:
         raise RunError(f"{run.directory / 'cases.csv'}: only {NULL} was timed, so there is nothing to draw")
     return drawn
+
+
+def _draw(run, name, title, function, *arguments):
+    """(name, title) if there was something to draw."""
+    figure = function(run, *arguments)
+    if figure is None:
+        return None
+    for suffix in ("png", "svg"):
+        metadata = {"Date": None, "Creator": None} if suffix == "svg" else {"Software": None}
+        path = run.directory / "plots" / f"{name}.{suffix}"
+        write_atomically(path, lambda path: figure.savefig(path, metadata=metadata))
+    plt.close(figure)
+    return name, title
 
 
 def rays_per_second(run, threads):

@@ -2,7 +2,9 @@
 
 import json
 import os
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from multiprocessing import get_context
 from pathlib import Path
 
 import pandas as pd
@@ -95,6 +97,15 @@ def write_atomically(path, write):
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def in_parallel(function, calls):
+    """[function(*arguments) for arguments in calls], by as many processes as there are processors."""
+    workers = min(os.cpu_count() or 1, len(calls))
+    if workers < 2:
+        return [function(*arguments) for arguments in calls]
+    with ProcessPoolExecutor(workers, get_context("fork")) as pool:
+        return [future.result() for future in [pool.submit(function, *arguments) for arguments in calls]]
 
 
 def read_table(path, text, numbers):
