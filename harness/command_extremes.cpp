@@ -40,7 +40,9 @@ void AddOptions(CLI::App& command, ExtremesArguments& arguments) {
   command.add_option("--rays", options.rays, "Rays at a point; default 2K, quick 256")
       ->transform(WholeNumber(uint64_t{64}, uint64_t{1} << 24, Units::kSizes))
       ->type_name("N");
-  command.add_option("--seed", options.seed, "Seed of everything random; default 1")->type_name("N");
+  command.add_option("--seed", options.seed, "Seed of everything random; default 1")
+      ->transform(WholeNumber())
+      ->type_name("N");
   command.add_flag("--quick", options.quick, "Every second point and fewer rays: two minutes");
   command.add_option("--out", options.out, "Result folder; default: results/extremes-<UTC time>")
       ->type_name("DIR");

@@ -226,7 +226,9 @@ void AddListSceneCommand(CLI::App& list, Invocation& invocation) {
         command.add_option("scene", options.scene, "File, generator, model or modified scene")
             ->required()
             ->type_name("SCENE");
-        command.add_option("--seed", options.seed, "Seed of generators; default 1")->type_name("N");
+        command.add_option("--seed", options.seed, "Seed of generators; default 1")
+            ->transform(WholeNumber())
+            ->type_name("N");
         command.add_flag("--drop-bad", options.drop_bad,
                          "Leave out bad triangles instead of refusing the file");
         command.add_flag("--json", options.json, "Print the same as JSON; null: not known or not applicable");

@@ -135,7 +135,9 @@ void AddRecordOptions(CLI::App& command, RecordOptions& record) {
       ->transform(WholeNumber(0, 64))
       ->type_name("N");
   command.add_flag("--shuffled", record.shuffled, "Write a shuffled twin of each traced set too");
-  command.add_option("--seed", record.seed, "Seed of everything random; default 1")->type_name("N");
+  command.add_option("--seed", record.seed, "Seed of everything random; default 1")
+      ->transform(WholeNumber())
+      ->type_name("N");
   command.add_flag("--drop-bad", record.drop_bad, "Leave out bad triangles instead of refusing the file");
   command.footer(
       "The sets are those that `raybench run` captures: camera, shadow.N, reflection.N, refraction.N (depth "

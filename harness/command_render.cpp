@@ -35,13 +35,14 @@ struct RenderOptions {
 
 /// "640x480", each side 1 to 16384.
 void ParseSize(const std::string& text, RenderOptions& options) {
-  unsigned width = 0, height = 0;
-  char rest = 0;
-  if (std::sscanf(text.c_str(), "%5ux%5u%c", &width, &height, &rest) != 2 || width < 1 || height < 1 ||
-      width > 16384 || height > 16384) {
+  const size_t by = text.find('x');
+  const auto side = [](std::string_view digits) {
+    return ParseWholeNumber(digits, Units::kNone).value_or(0);
+  };
+  const uint64_t width = side(text.substr(0, by)), height = by == text.npos ? 0 : side(text.substr(by + 1));
+  if (width < 1 || height < 1 || width > 16384 || height > 16384)
     throw InputError(fmt::format("--size {}: write WIDTHxHEIGHT, each 1 to 16384", text));
-  }
-  options.width = width, options.height = height;
+  options.width = uint32_t(width), options.height = uint32_t(height);
 }
 
 /// Before any work: that the file, and pictures at all, can be written.
@@ -141,7 +142,9 @@ void AddRenderCommand(CLI::App& app, Invocation& invocation) {
         command.add_option("--threads", render.threads, "Threads; default all")
             ->transform(WholeNumber(1, 1024))
             ->type_name("N");
-        command.add_option("--seed", render.seed, "Seed of generators; default 1")->type_name("N");
+        command.add_option("--seed", render.seed, "Seed of generators; default 1")
+            ->transform(WholeNumber())
+            ->type_name("N");
         command.add_flag("--drop-bad", render.drop_bad,
                          "Leave out bad triangles instead of refusing the file");
         CLI::Option* heat =

@@ -29,7 +29,7 @@ void AddOptions(CLI::App& command, RunArguments& arguments) {
   command.add_option("--out", run.out, "Result folder; default: results/<UTC time>")->type_name("DIR");
   command
       .add_option("--rays", arguments.rays,
-                  "A number: rays of a set, default 128K, quick 16K. A .rays file or a folder of them (see: "
+                  "A number: rays of a set, default 128K, quick 8K. A .rays file or a folder of them (see: "
                   "raybench rays): these rays instead of captured ones, under the files' names; all of them "
                   "unless a number is given too. May be repeated")
       ->allow_extra_args(false)
@@ -65,7 +65,9 @@ void AddOptions(CLI::App& command, RunArguments& arguments) {
   command.add_option("--depth", run.depth, "Bounces of the picture whose rays are recorded; default 2")
       ->transform(WholeNumber(0, 64))
       ->type_name("N");
-  command.add_option("--seed", run.seed, "Seed of everything random; default 1")->type_name("N");
+  command.add_option("--seed", run.seed, "Seed of everything random; default 1")
+      ->transform(WholeNumber())
+      ->type_name("N");
   command
       .add_option(
           "--memory-limit", run.memory_limit,

@@ -79,7 +79,9 @@ void AddOptions(CLI::App& command, VerifyArguments& arguments) {
       "--any", verify.any,
       "Any-hit queries of all rays; by default of a quarter, beside the closest-hit ones of all. "
       "With --closed: instead of closest-hit ones");
-  command.add_option("--seed", verify.seed, "Seed of everything random; default 1")->type_name("N");
+  command.add_option("--seed", verify.seed, "Seed of everything random; default 1")
+      ->transform(WholeNumber())
+      ->type_name("N");
   command.add_option("--threads", verify.threads, "Threads; default all")
       ->transform(WholeNumber(1, 1024))
       ->type_name("N");

@@ -44,7 +44,7 @@ struct RunOptions {
   std::vector<std::string> benchmark_flags;  ///< "--benchmark_..." as given
   std::vector<std::string> command_line;
 
-  uint64_t RaysPerSet() const { return rays != 0 ? rays : quick ? 1u << 14 : 1u << 17; }
+  uint64_t RaysPerSet() const { return rays != 0 ? rays : quick ? 1u << 13 : 1u << 17; }
   uint64_t RaysVerified() const { return verify_rays != 0 ? verify_rays : quick ? 1024 : 4096; }
   /// Six samples are the fewest that have an interval of 95 %.
   uint32_t Repetitions() const { return repetitions != 0 ? repetitions : quick ? 6 : 9; }

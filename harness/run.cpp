@@ -36,6 +36,7 @@
 #include "harness/table.h"
 #include "harness/time_budget.h"
 #include "harness/truth_cache.h"
+#include "tracer/camera_rays.h"
 #include "tracer/image_io.h"
 #include "tracer/tracer.h"
 
@@ -48,8 +49,10 @@ namespace {
 constexpr uint64_t kLeastRays = 1024, kLeastChunks = 4 * 4096;
 /// A pass that lasts this long says how long a longer one takes.
 constexpr double kProbeSeconds = 0.002;
-/// Ray sets of a scene as far as that is not known yet.
-constexpr double kUsualSets = 11;
+/// Rays that are traced beforehand, through camera and anywhere half of them, to learn what a scene costs a
+/// structure; and the largest scene on which all are built for that. Larger ones cost more to build than to
+/// ask.
+constexpr uint64_t kProbeRays = 512, kLargestProbed = 300000;
 /// What is linear (RB_LINEAR) is left out where one pass would look at more primitives than this, about half
 /// a second; in a quick run a quarter of it.
 constexpr double kLinearBudget = 0x1p25;
@@ -107,7 +110,7 @@ class Run {
         options_(options),
         engine_(options.benchmark_flags),
         budget_{options.Budget(), options.Repetitions(),
-                options.repetitions != 0 || engine_.min_time().has_value()},
+                options.repetitions != 0 || engine_.min_time().has_value(), options.quick ? 1u : 3u},
         memory_(options.memory_limit != 0 ? options.memory_limit : UsableMemory() / 2) {}
 
   int Go() {
@@ -127,8 +130,10 @@ class Run {
       const std::string out =
           options_.out.empty() ? "results/" + UtcTime("%Y-%m-%dT%H-%M-%SZ") : options_.out;
       results_.emplace(out, options_.resume);
-      for (size_t i = 0; i < scenes_.size(); ++i)
-        Expect(i, replayed_.empty() ? kUsualSets : double(replayed_[i].size()));
+      for (size_t i = 0; i < scenes_.size(); ++i) {
+        if (!options_.quick) Probe(i);
+        Expect(i, replayed_.empty() ? UsualSets(i) : double(replayed_[i].size()));
+      }
       if (options_.report) costs_.Plan(Work::kReport, "", kReportGuess);
       WriteRunJson(false);
       for (scene_index_ = 0; scene_index_ < scenes_.size(); ++scene_index_) RunScene();
@@ -210,8 +215,53 @@ class Run {
 
   // ---- what is left ----
 
+  /// What building and asking one structure costs.
+  struct Price {
+    double build, ray;  ///< seconds, with all threads and with one
+  };
+
+  /// Learns the prices of a scene for all that are not linear, so that what is slow on a scene to come is
+  /// known from the start.
+  void Probe(size_t scene) {
+    if (scenes_[scene].primitive_count() > kLargestProbed) return;
+    std::vector<rb_ray> rays = RandomRays(scenes_[scene], kProbeRays / 2, options_.seed).rays;
+    const uint32_t side = 16;
+    const CameraRays camera(scenes_[scene], side, side);
+    for (uint32_t i = 0; i < side * side; ++i) rays.push_back(camera.Through(i % side + 0.5, i / side + 0.5));
+    RaySet set;
+    set.rays = std::move(rays);
+    Answers answers(set.rays.size());
+    for (const Contestant& contestant : contestants_) {
+      const rb_structure& structure = *contestant.structure;
+      const bool takes =
+          scenes_[scene].procedural_count() == 0 || (structure.capabilities & RB_CAN_PROCEDURAL) != 0;
+      if (!takes || (structure.capabilities & RB_LINEAR) != 0) continue;
+      ThrowIfInterrupted();
+      rb_build_options build = BuildOptions(AllThreads(), options_.seed, build_needs_[scene]);
+      build.memory_limit = memory_;
+      try {
+        const double begin = progress_.Elapsed();
+        const Tree tree(contestant, scenes_[scene].Geometry(), build);
+        const double built = progress_.Elapsed();
+        tree.Query(answers.Ask(set));
+        prices_[{scene, contestant.Spec()}] = {built - begin,
+                                               (progress_.Elapsed() - built) / double(set.rays.size())};
+      } catch (const BuildError&) {
+        ThrowIfInterrupted();  // what cannot be built is skipped, with the reason, when its turn comes
+      } catch (const std::bad_alloc&) {
+      }
+    }
+  }
+
+  /// The sets that a scene will have, as far as that is known before they are captured.
+  double UsualSets(size_t scene) const {
+    const SceneNeeds needs = NeedsOf(scenes_[scene]);
+    const double sets = 6 + 2.0 * options_.depth * (int(needs.reflection_rays) + int(needs.refraction_rays));
+    return options_.sets.empty() ? sets : std::min(sets, double(options_.sets.size()));
+  }
+
   /// Plans, or plans again, all work on a scene with so many ray sets. Guesses are those of one machine with
-  /// two processors; what is measured corrects them.
+  /// two processors, or follow from what a probe measured; what is measured later corrects them.
   void Expect(size_t scene, double sets) {
     Forget(scene);
     const auto plan = [&](Work work, const std::string& who, double guess) {
@@ -219,18 +269,26 @@ class Run {
       costs_.Plan(work, LearnsAs(work, who), guess);
     };
     const double primitives = double(scenes_[scene].primitive_count()), rays = double(options_.RaysPerSet());
-    const double asked = 1e-6 * rays * sets, threads = AllThreads();
+    const double threads = AllThreads();
     if (replayed_.empty()) plan(Work::kCapture, "", 2e-6 * primitives + 6e-6 * rays * options_.depth);
     plan(Work::kTruth, "", 5e-6 * primitives + 30e-6 * double(options_.RaysVerified()) * sets / threads);
     for (const Contestant& contestant : contestants_) {
       const std::string spec = contestant.Spec();
-      for (uint32_t t : BuildThreads()) plan(Work::kBuild, spec, 3e-6 * primitives / t);
-      plan(Work::kTree, spec, 3e-6 * primitives);
-      plan(Work::kCheck, spec, 4 * asked / threads);
-      if (replayed_.empty()) plan(Work::kHeat, spec, 2e-6 * HeatSide() * HeatSide() / threads);
+      const auto probed = prices_.find({scene, spec});
+      const Price price = probed != prices_.end() ? probed->second : Price{3e-6 * primitives / threads, 1e-6};
       const double cases = sets * double(QueryThreads().size());
-      plan(Work::kFirstPasses, spec, cases * 0.25 * budget_.seconds);
-      plan(Work::kTiming, spec, (cases + double(BuildThreads().size())) * budget_.seconds);
+      double builds = 0;
+      for (uint32_t t : BuildThreads()) {
+        const double each = price.build * threads / t;
+        plan(Work::kBuild, spec, each);
+        builds += each * budget_.Samples(each);
+      }
+      plan(Work::kTree, spec, 3e-6 * primitives);
+      plan(Work::kCheck, spec, (2 * price.ray / threads + 0.3e-6) * rays * sets);
+      if (replayed_.empty()) plan(Work::kHeat, spec, (price.ray / threads + 1e-6) * HeatSide() * HeatSide());
+      const double least = price.ray * std::min(rays, double(2 * kLeastRays));
+      plan(Work::kFirstPasses, spec, cases * (0.1 * budget_.seconds + 2 * least));
+      plan(Work::kTiming, spec, cases * std::max(budget_.seconds, 2 * least * budget_.fewest) + builds);
     }
   }
 
@@ -277,8 +335,9 @@ class Run {
   /// So much of the current piece is done; 0: unknown.
   void Update(double fraction) {
     const double elapsed = progress_.Elapsed() - piece_->begin;
-    const double rest =
-        fraction > 0.1 ? elapsed * (1 / fraction - 1) : std::max(0.0, piece_->expected - elapsed);
+    // Its parts may differ much: what is done says the more, the more it is.
+    const double expected = std::max(0.0, piece_->expected - elapsed);
+    const double rest = fraction > 0 ? elapsed * (1 - fraction) + (1 - fraction) * expected : expected;
     const double others = costs_.Left() - costs_.Expect(piece_->work, piece_->learner, piece_->guess);
     progress_.UpdateLeft(std::max(0.0, others) + rest,
                          fmt::format("{}: {}", names_[scene_index_], piece_->what));
@@ -1035,6 +1094,7 @@ class Run {
   const uint64_t memory_;  ///< for trees held at once and one building
   Progress progress_;
   CostModel costs_;
+  std::map<std::pair<size_t, std::string>, Price> prices_;                    ///< by scene and structure
   std::map<size_t, std::map<std::pair<Work, std::string>, double>> planned_;  ///< by scene: guesses
   std::optional<Piece> piece_;
   std::optional<OnScene> on_scene_;

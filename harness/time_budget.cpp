@@ -14,8 +14,8 @@ constexpr uint64_t kTile = 64;
 }  // namespace
 
 uint32_t TimeBudget::Samples(double each) const {
-  if (fixed || repetitions <= kFewestSamples || each * repetitions <= seconds) return repetitions;
-  return uint32_t(std::max<double>(kFewestSamples, std::floor(seconds / each)));
+  if (fixed || repetitions <= fewest || each * repetitions <= seconds) return repetitions;
+  return uint32_t(std::max<double>(fewest, std::floor(seconds / each)));
 }
 
 uint32_t LastStep(uint64_t rays, uint64_t least) {

@@ -10,15 +10,13 @@ namespace raybench {
 
 /// A sample longer than this fills the caches in a small part of itself and needs no untimed pass before it.
 inline constexpr double kLongPassSeconds = 0.25;
-/// The fewest samples that a median is taken of; a case that would need more time than its budget even so
-/// gets it.
-inline constexpr uint32_t kFewestSamples = 3;
 
 /// What timing a case may take, and its samples.
 struct TimeBudget {
   double seconds = 0;
   uint32_t repetitions = 1;  ///< samples
   bool fixed = false;        ///< take that many, whatever they cost
+  uint32_t fewest = 3;       ///< a case that needs more time than its budget even for these gets it
 
   /// Half of the budget is for samples, the other half for the untimed pass before each.
   double SampleSeconds() const { return seconds / (2 * repetitions); }
