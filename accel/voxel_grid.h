@@ -230,12 +230,12 @@ class VoxelGrid::Walker {
   static constexpr double kRounding = kSlack > 0 ? 0x1p-148 : 0;
   static constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-  /// Whether the ray's interval, up to the best hit, meets the box; and where.
+  /// Whether the ray's interval, up to the best hit, meets the box; and where: not beyond the largest float.
   bool Meets(const Bounds3& box, float& tnear, float& tfar) {
     counter_.Bounds(1);
     ray_.slab.Interval(box, tnear, tfar);
     tnear = std::max(tnear, ray_.query.ray.tnear), tfar = std::min(tfar, best_.t);
-    return tnear <= tfar;
+    return tnear <= tfar && tnear <= std::numeric_limits<float>::max();
   }
 
   bool Visit(const Level& level, const int32_t (&index)[3]) {

@@ -97,17 +97,19 @@ Json Parameters(std::span<const rb_param> params) {
   return all;
 }
 
-/// `text` in lines of at most 100 columns, each behind `indent` blanks.
-void PrintWrapped(size_t indent, std::string_view text) {
-  constexpr size_t kColumns = 100;
+/// `text` in lines of at most 100 columns, each behind `indent` blanks; the first one behind what `column`,
+/// no longer than that, has put there.
+void PrintWrapped(size_t indent, std::string_view text, size_t column = 0) {
   while (!text.empty()) {
     size_t end = text.size();
-    if (indent + end > kColumns) {
-      end = text.rfind(' ', kColumns - indent);
-      if (end == text.npos || end == 0) end = std::min(text.find(' '), text.size());
+    if (indent + end > 100) {
+      end = text.rfind(' ', 100 - indent);
+      if (end == text.npos) end = text.find(' ');
+      if (end == text.npos) end = text.size();
     }
-    fmt::print("{:{}}{}\n", "", indent, text.substr(0, end));
-    text.remove_prefix(std::min(end + 1, text.size()));
+    fmt::print("{:{}}{}\n", "", indent - column, text.substr(0, end));
+    column = 0;
+    text.remove_prefix(std::min(text.size(), end + 1));
   }
 }
 
@@ -124,14 +126,18 @@ void PrintParameters(std::span<const rb_param> params, size_t config_size) {
   }
 }
 
-/// Columns as wide as their widest word; the last one as it comes.
+/// Columns as wide as their widest word; the last one is wrapped.
 void PrintTable(const std::vector<std::vector<std::string>>& rows) {
   std::vector<size_t> widths(rows[0].size());
   for (const auto& row : rows)
     for (size_t c = 0; c < row.size(); ++c) widths[c] = std::max(widths[c], row[c].size());
   for (const auto& row : rows) {
-    for (size_t c = 0; c + 1 < row.size(); ++c) fmt::print("{:{}}  ", row[c], widths[c]);
-    fmt::print("{}\n", row.back());
+    size_t column = 0;
+    for (size_t c = 0; c + 1 < row.size(); ++c) {
+      fmt::print("{:{}}  ", row[c], widths[c]);
+      column += widths[c] + 2;
+    }
+    PrintWrapped(column, row.back(), column);
   }
 }
 
@@ -266,8 +272,8 @@ void PrintModels() {
             {e.name, e.family, fmt::format("{:>9}", e.triangles), IsFetched(e) ? "fetched" : "", e.doc});
   PrintTable(rows);
   fmt::print(
-      "\n`raybench fetch NAME` gets one, or a family, into {}; `raybench list model NAME` has package and "
-      "licence.\n",
+      "\n`raybench fetch NAME` gets one, or a family; `raybench list model NAME` has package and licence.\n"
+      "They lie in {}\n",
       CacheDirectory().string());
 }
 

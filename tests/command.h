@@ -22,6 +22,11 @@ namespace raybench {
 
 namespace fs = std::filesystem;
 
+/// The columns of cases.csv that are not the same from run to run.
+inline constexpr const char* kTimeColumns[] = {"build_peak_bytes", "cold_ns", "samples", "timed_rays",
+                                               "median_ns",        "lo_ns",   "hi_ns",   "rate",
+                                               "anchor_ns"};
+
 struct Outcome {
   int exit_code = -1;
   std::string out, err;

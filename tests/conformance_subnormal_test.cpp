@@ -180,10 +180,10 @@ struct SubnormalScene {
   std::vector<Truth> truth;
 
   explicit SubnormalScene(Scene given) : scene(std::move(given)) {
-    rays = SubnormalRays(scene, int(Effort(3000)), 3);
+    rays = SubnormalRays(scene, int(Effort(2000)), 3);
     oracle = MakeOracle(scene);
     truth = oracle->Ask(rays, 0);
-    oracle->Audit(rays, truth, 1, Effort(200));
+    oracle->Audit(rays, truth, 1, Effort(64));
   }
 };
 

@@ -90,7 +90,7 @@ TEST(ManifestTest, ModelsAreFoundByNameAndByFamily) {
     return {};
   };
   EXPECT_THAT(error([](const std::string& name) { FindManifestEntry(name); }),
-              HasSubstr("'dragon'; allowed are sponza"));
+              HasSubstr("'dragon'; see: raybench list models"));
   EXPECT_THAT(error([](const std::string& name) { FindModels(name); }), HasSubstr("the families indoor, "));
 }
 

@@ -167,7 +167,8 @@ TEST(SubdivideTest, RefusesWhatHalfEdgesCannotHold) {
   EXPECT_THAT(LoadError("subdivide(icosphere,levels=16)"), HasSubstr("from 0 to 15"));
   EXPECT_THAT(LoadError("subdivide(icosphere,depth=1)"), HasSubstr("levels, scheme, weld"));
   EXPECT_THAT(LoadError("subdivide(icosphere,scheme=round)"), HasSubstr("loop, midpoint, sqrt3, butterfly"));
-  EXPECT_THAT(LoadError("subdivide(nothing)"), HasSubstr("unknown scene 'nothing'"));
+  EXPECT_THAT(LoadError("subdivide(subdivid)"),
+              HasSubstr("unknown scene 'subdivid' (did you mean subdivide?)"));
   for (const char* broken :
        {"subdivide", "subdivide()", "subdivide(,levels=1)", "subdivide(icosphere", "subdivide( )"})
     EXPECT_THAT(LoadError(broken), HasSubstr("write subdivide(SCENE)")) << broken;

@@ -22,11 +22,6 @@
 namespace raybench {
 namespace {
 
-/// The columns that are not the same from run to run.
-constexpr const char* kTimeColumns[] = {"build_peak_bytes", "cold_ns", "samples", "timed_rays",
-                                        "median_ns",        "lo_ns",   "hi_ns",   "rate",
-                                        "anchor_ns"};
-
 TEST_F(HarnessCommand, WrongInputIsOneLineAndExitCode2) {
   const std::string out = (folder_ / "out").string();
   std::ofstream(folder_ / "broken.obj") << "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n";
@@ -144,14 +139,19 @@ TEST_F(HarnessCommand, WithoutItsRealModelTheDefaultRunGoesOnAndIsInconclusive) 
 TEST_F(HarnessCommand, ListShowsParametersWithRangesAndDefaults) {
   const Outcome structures = Call({"list", "structures"});
   EXPECT_EQ(structures.exit_code, 0);
-  for (const char* text : {"bvh_sah: ", "null: ", "brute: ", "numerics", "default watertight", "source: "}) {
+  for (const char* text : {"\nbvh_sah ", "\nnull ", "\nbrute ", "O(N log N)", "SIMD leaves"}) {
     EXPECT_NE(structures.out.find(text), std::string::npos) << text;
+  }
+  EXPECT_EQ(structures.out.find("numerics"), std::string::npos) << "parameters are shown one by one";
+  const Outcome structure = Call({"list", "structure", "bvh_sah"});
+  for (const char* text :
+       {"numerics\n", "default watertight", "trades accuracy", "source: ", "family: BVH"}) {
+    EXPECT_NE(structure.out.find(text), std::string::npos) << text;
   }
   const Outcome scenes = Call({"list", "scenes"});
   EXPECT_EQ(scenes.exit_code, 0);
-  for (const char* text :
-       {"  sphereflake  100882 primitives", "  stadium  79124 primitives", "  subdivide\n",
-        "scheme: ", "    engine  110336 triangles", "  cad\n", "fetched", "licence: ", ".glb"}) {
+  for (const char* text : {"\nsphereflake ", " 100882 ", "\nstadium ", " 79124 ", "\nsubdivide ", "\nengine ",
+                           " 110336 ", " cad ", ".glb"}) {
     EXPECT_NE(scenes.out.find(text), std::string::npos) << text;
   }
   std::istringstream lines(scenes.out);
@@ -369,7 +369,7 @@ TEST_F(HarnessCommand, ASlowCaseIsTimedOnAPartAndTheAnchorBesideItOnTheSame) {
   for (const auto& row : ReadCsv(folder_ / "out" / "cases.csv")) {
     SCOPED_TRACE(row.at("spec") + " " + row.at("ray_set"));
     EXPECT_EQ(row.at("status"), "timed");
-    EXPECT_GE(std::stoi(row.at("samples")), 3);
+    EXPECT_GE(std::stoi(row.at("samples")), 1);
     if (row.at("query") == "build") continue;
     EXPECT_EQ(row.at("rays"), "16384");
     EXPECT_EQ(row.at("timed_rays"), "1024");
@@ -496,8 +496,9 @@ TEST_F(HarnessCommand, PluginBuiltOutsideTheTreeIsTimed) {
   const fs::path plugins = BuildPlugins();
   const std::string file = (plugins / "libsorted_list.so").string();
   const Outcome list = Call({"--plugin", file, "list", "structures"});
-  EXPECT_NE(list.out.find("sorted_list: "), std::string::npos) << list.err;
-  EXPECT_NE(list.out.find("plugin: " + file), std::string::npos);
+  EXPECT_NE(list.out.find("\nsorted_list "), std::string::npos) << list.err;
+  const Outcome one = Call({"--plugin", file, "list", "structure", "sorted_list", "--json"});
+  EXPECT_NE(one.out.find(file), std::string::npos) << one.out;
   const Outcome outcome =
       Call(TinyRun("out", {"--structures", "sorted_list(sorted=false),null", "--plugin", file}));
   EXPECT_EQ(outcome.exit_code, 0) << outcome.err;

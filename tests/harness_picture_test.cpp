@@ -39,7 +39,7 @@ TEST_F(HarnessCommand, RenderRefusesPictureOptionsThatMeanNothing) {
            {{"--self-intersection", "pray"},
             "allowed are error-bound, none, tnear, normal-offset, integer-offset, skip"},
            {{"--self-intersection-size", "0.1"}, "only --self-intersection tnear and normal-offset"},
-           {{"--self-intersection", "tnear", "--self-intersection-size", "-1"}, "at least 0"},
+           {{"--self-intersection", "tnear", "--self-intersection-size", "-1"}, "a number from 0 to"},
            {{"--self-intersection", "skip", "--structure", "embree"}, "'embree' cannot skip a primitive"},
            {{"--fresnel", "maybe"}, "--fresnel maybe: allowed are material, on, off"},
            {{"--min-contribution", "-1"}, "--min-contribution"},

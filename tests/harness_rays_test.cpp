@@ -50,8 +50,7 @@ class HarnessRays : public HarnessCommand {
   std::set<Row> Cases(const std::string& out) {
     std::set<Row> rows;
     for (Row row : ReadCsv(folder_ / out / "cases.csv")) {
-      for (const char* c : {"build_peak_bytes", "cold_ns", "median_ns", "lo_ns", "hi_ns", "rate"})
-        row.erase(c);
+      for (const char* c : kTimeColumns) row.erase(c);
       rows.insert(row);
     }
     return rows;

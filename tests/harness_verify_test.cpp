@@ -42,7 +42,8 @@ class HarnessVerify : public HarnessCommand {
 /// Short; by hand it takes more rays, and the models that are fetched.
 TEST_F(HarnessVerify, AllTakesEveryGeneratorEveryStructureAndEachOfItsNumerics) {
   setenv("RAYBENCH_CACHE", In("cache").c_str(), 1);
-  std::vector<std::string> words{"--all", "--rays", "64", "--out", In("out")};
+  std::vector<std::string> words{"--all", "--rays", "64", "--sets", "random,aimed_edge,grazing",
+                                 "--out", In("out")};
   const Registry registry;
   std::set<std::string> structures;
   if (testing::kSanitized) {
@@ -55,17 +56,16 @@ TEST_F(HarnessVerify, AllTakesEveryGeneratorEveryStructureAndEachOfItsNumerics) 
   const Outcome outcome = Verify(words);
   unsetenv("RAYBENCH_CACHE");
   ASSERT_EQ(outcome.exit_code, 0) << outcome.out << outcome.err;
-  EXPECT_THAT(outcome.err, HasSubstr("models that are not fetched are left out: dungeon, "));
+  EXPECT_THAT(outcome.err, HasSubstr("models that are not fetched are left out: sponza, dungeon, "));
   std::set<std::string> judged, scenes;
   for (const Row& row : ReadCsv(folder_ / "out" / "verdicts.csv")) {
     judged.insert(row.at("spec").substr(0, row.at("spec").find('(')));
     scenes.insert(row.at("scene").substr(0, row.at("scene").find('(')));
-    EXPECT_LE(Number(row, "primitives"), 3000u);
   }
   EXPECT_EQ(judged, structures);
   for (const Generator* generator : Generators()) {
     EXPECT_THAT(scenes, ::testing::Contains(generator->name));
-    EXPECT_THAT(outcome.out, HasSubstr(fmt::format("\n{}(", generator->name)));
+    EXPECT_THAT(outcome.out, HasSubstr(fmt::format("\n  {}(", generator->name)));
   }
   EXPECT_THAT(Verify({"--all", kBall}).err, HasSubstr("name none"));
   EXPECT_EQ(Verify({"--all", "--rays", In("no.rays")}).exit_code, 2);
@@ -403,7 +403,7 @@ TEST_F(HarnessVerify, WrongInputIsOneLineAndNothingIsWritten) {
   std::ofstream(In("full/verdicts.csv")) << "x\n";
   const std::string out = In("out"), ray = "0,0,0,0,1,0,0,inf";
   for (const auto& [words, says] : std::vector<std::pair<std::vector<std::string>, std::string>>{
-           {{}, "scenes"},
+           {{}, "name a scene"},
            {{"nosuch"}, "nosuch"},
            {{kBall, kBall}, "is given twice"},
            {{kBall, "--structures", "nosuch"}, "unknown structure 'nosuch'"},
