@@ -125,9 +125,9 @@ inline double DifferenceOfProducts(double a, double b, double c, double d) {
 /// sheared. The same vertex gives the same point there for every primitive it belongs to.
 ///
 /// In float it errs by a few 2^-24 of a vertex's distances to the origin along the axes, as long as nothing
-/// underflows. Where the slope s of a ray that is nearly parallel to an axis does, or the origin is so far
-/// away that kTiny would not hold, all vertices are sheared in double instead. Where a product does and so
-/// counts, beside a difference as small, this vertex is.
+/// underflows. All vertices are sheared in double where the slope of a ray that is nearly parallel to an axis
+/// underflows, or where the origin is so far away that kTiny would not hold; a single vertex is where its
+/// product with the slope underflows and its distance is as small.
 struct RayShear {
   /// What underflow may change of an edge function of points sheared in float: a point that Point() has in
   /// double differs by 2^-150 and lies within 2^-125 of the ray, all others within 2^35.
