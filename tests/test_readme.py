@@ -29,9 +29,11 @@ def plugin(tmp_path_factory):
 def test_the_example_is_a_plugin_that_raybench_lists(plugin):
     if not RAYBENCH.exists():
         pytest.skip("build/release/raybench is not built")
-    done = subprocess.run([RAYBENCH, "--plugin", plugin, "list", "structures"], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    assert "chunks" in done.stdout and "primitives in a group" in done.stdout
+    for what in (["structures"], ["structure", "chunks"]):
+        done = subprocess.run([RAYBENCH, "--plugin", plugin, "list", *what], capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        assert "chunks" in done.stdout
+    assert "primitives in a group" in done.stdout
 
 
 def test_the_example_keeps_its_claim(plugin, tmp_path):
