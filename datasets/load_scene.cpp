@@ -2,13 +2,13 @@
 
 #include <cctype>
 
-#include "accel/names.h"
-#include "datasets/fetch.h"
+#include "accel/base/memory.h"
+#include "accel/host/names.h"
 #include "datasets/generators/generators.h"
-#include "datasets/memory.h"
+#include "datasets/models/fetch.h"
 #include "datasets/modifiers/modifiers.h"
-#include "datasets/readers.h"
-#include "datasets/scene_needs.h"
+#include "datasets/readers/readers.h"
+#include "datasets/scene/needs.h"
 
 namespace raybench {
 namespace {

@@ -6,8 +6,8 @@
 #include <cstdint>
 #include <limits>
 
-#include "accel/valid_ray.h"
-#include "datasets/scene.h"
+#include "accel/contract/valid_ray.h"
+#include "datasets/scene/scene.h"
 
 namespace raybench {
 

@@ -5,8 +5,8 @@
 #include <functional>
 #include <vector>
 
-#include "accel/registry.h"
-#include "datasets/scene.h"
+#include "accel/host/registry.h"
+#include "datasets/scene/scene.h"
 
 namespace raybench {
 

@@ -4,7 +4,7 @@
 
 #include <limits>
 
-#include "datasets/random.h"
+#include "accel/base/random.h"
 #include "tracer/surface.h"
 #include "tracer/tracer.h"
 

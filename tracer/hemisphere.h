@@ -3,8 +3,8 @@
 
 #include <cstdint>
 
-#include "accel/registry.h"
-#include "tracer/ray_set.h"
+#include "accel/host/registry.h"
+#include "tracer/rays/ray_set.h"
 
 namespace raybench {
 

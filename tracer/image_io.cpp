@@ -2,7 +2,7 @@
 
 #include <filesystem>
 
-#include "accel/parameters.h"
+#include "accel/base/error.h"
 #include "tracer/image_library.h"
 
 namespace raybench {

@@ -4,7 +4,7 @@
 
 #include <filesystem>
 
-#include "accel/parameters.h"
+#include "accel/base/error.h"
 
 namespace raybench {
 namespace {
@@ -28,7 +28,8 @@ const ImageLibrary& LoadImageLibrary() {
   static const ImageLibrary& library = []() -> const ImageLibrary& {
     void* const file = dlopen(ImageLibraryFile().c_str(), RTLD_NOW | RTLD_LOCAL);
     void* const entry = file ? dlsym(file, "RaybenchImageLibrary") : nullptr;
-    if (entry == nullptr) throw InputError(std::string("pictures need a library of raybench's: ") + dlerror());
+    if (entry == nullptr)
+      throw InputError(std::string("pictures need a library of raybench's: ") + dlerror());
     return *reinterpret_cast<const ImageLibrary* (*)()>(entry)();
   }();
   return library;

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "datasets/scene.h"
+#include "datasets/scene/scene.h"
 #include "tracer/image_io.h"
 
 namespace raybench {

@@ -8,8 +8,8 @@
 #include <string_view>
 #include <system_error>
 
-#include "accel/parameters.h"
-#include "datasets/memory.h"
+#include "accel/base/error.h"
+#include "accel/base/memory.h"
 #include "tracer/image_library.h"
 #include "tracer/srgb.h"
 

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <string>
 
-#include "accel/parameters.h"
-#include "datasets/random.h"
+#include "accel/base/error.h"
+#include "accel/base/random.h"
 
 namespace raybench {
 namespace {

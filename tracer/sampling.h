@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "datasets/texture.h"  // Vec2f
+#include "datasets/scene/texture.h"  // Vec2f
 
 namespace raybench {
 

@@ -5,9 +5,9 @@
 #include <cstdint>
 #include <vector>
 
-#include "accel/raybench.h"
-#include "datasets/scene.h"
-#include "datasets/scene_needs.h"
+#include "accel/contract/raybench.h"
+#include "datasets/scene/needs.h"
+#include "datasets/scene/scene.h"
 #include "tracer/self_intersection.h"
 #include "tracer/texture_map.h"
 #include "tracer/tracer.h"

@@ -11,7 +11,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "datasets/scene.h"
+#include "datasets/scene/scene.h"
 
 namespace raybench {
 

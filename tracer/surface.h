@@ -1,8 +1,8 @@
 // The point of a hit, and where rays that leave it start.
 #pragma once
 
-#include "accel/raybench.h"
-#include "datasets/scene.h"
+#include "accel/contract/raybench.h"
+#include "datasets/scene/scene.h"
 
 namespace raybench {
 

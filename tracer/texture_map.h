@@ -5,7 +5,7 @@
 #include <memory>
 #include <vector>
 
-#include "datasets/scene.h"
+#include "datasets/scene/scene.h"
 
 namespace raybench {
 

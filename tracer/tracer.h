@@ -10,9 +10,9 @@
 #include <string>
 #include <vector>
 
-#include "accel/registry.h"
-#include "datasets/scene.h"
-#include "tracer/ray_set.h"
+#include "accel/host/registry.h"
+#include "datasets/scene/scene.h"
+#include "tracer/rays/ray_set.h"
 #include "tracer/sampling.h"
 
 namespace raybench {

@@ -9,9 +9,9 @@
 #include <functional>
 #include <vector>
 
-#include "accel/vec3.h"
-#include "datasets/random.h"
-#include "datasets/scene.h"
+#include "accel/base/random.h"
+#include "accel/base/vec3.h"
+#include "datasets/scene/scene.h"
 
 namespace raybench {
 

@@ -3,8 +3,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "datasets/height_field.h"
-#include "datasets/tangent.h"
+#include "datasets/generators/height_field.h"
+#include "datasets/scene/tangent.h"
 
 namespace raybench {
 

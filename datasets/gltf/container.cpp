@@ -5,9 +5,9 @@
 #include <cstring>
 #include <fstream>
 
-#include "accel/parameters.h"
+#include "accel/base/error.h"
 #include "datasets/gltf/schema.h"
-#include "datasets/readers.h"
+#include "datasets/readers/readers.h"
 
 namespace raybench {
 namespace {

@@ -9,8 +9,8 @@
 #include <set>
 #include <string_view>
 
-#include "datasets/tangent.h"
-#include "datasets/text.h"
+#include "datasets/scene/tangent.h"
+#include "datasets/scene/text.h"
 
 namespace raybench {
 namespace {

@@ -11,7 +11,7 @@
 
 #include "datasets/gltf/accessors.h"
 #include "datasets/gltf/container.h"
-#include "datasets/scene.h"
+#include "datasets/scene/scene.h"
 
 namespace raybench {
 

@@ -15,9 +15,9 @@
 #include <cstddef>
 #include <numeric>
 
-#include "datasets/memory.h"
+#include "accel/base/memory.h"
 #include "datasets/modifiers/modifiers.h"
-#include "datasets/weld.h"
+#include "datasets/scene/weld.h"
 
 namespace raybench {
 namespace {

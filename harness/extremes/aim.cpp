@@ -4,8 +4,8 @@
 
 #include <map>
 
-#include "harness/aimed.h"
 #include "harness/extremes/make.h"
+#include "harness/rays/from_inside.h"
 
 namespace raybench::extremes {
 namespace {

@@ -9,11 +9,12 @@
 #include <ranges>
 #include <span>
 
-#include "harness/build_options.h"
-#include "harness/check.h"
-#include "harness/interrupt.h"
-#include "harness/measure.h"
-#include "harness/statistics.h"
+#include "harness/judge/check.h"
+#include "harness/judge/tree_statistics.h"
+#include "harness/measure/measure.h"
+#include "harness/measure/statistics.h"
+#include "harness/plan/build_options.h"
+#include "harness/terminal/interrupt.h"
 
 namespace raybench::extremes {
 namespace {

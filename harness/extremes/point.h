@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "harness/base/json.h"
 #include "harness/extremes/suite.h"
-#include "harness/results.h"
 
 namespace raybench::extremes {
 

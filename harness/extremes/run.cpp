@@ -9,14 +9,16 @@
 #include <optional>
 #include <set>
 
+#include "harness/base/files.h"
+#include "harness/base/json.h"
 #include "harness/extremes/point.h"
-#include "harness/interrupt.h"
-#include "harness/machine.h"
-#include "harness/plan.h"
-#include "harness/progress.h"
-#include "harness/python.h"
-#include "harness/results.h"
-#include "harness/run_facts.h"
+#include "harness/measure/machine.h"
+#include "harness/plan/plan.h"
+#include "harness/results/python.h"
+#include "harness/results/results.h"
+#include "harness/results/run_facts.h"
+#include "harness/terminal/interrupt.h"
+#include "harness/terminal/progress.h"
 
 namespace raybench::extremes {
 namespace fs = std::filesystem;

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "accel/registry.h"
+#include "accel/host/registry.h"
 
 namespace raybench::extremes {
 

@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "accel/registry.h"
-#include "harness/oracle.h"
+#include "accel/host/registry.h"
+#include "harness/truth/oracle.h"
 
 namespace raybench::extremes {
 

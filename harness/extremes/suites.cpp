@@ -1,7 +1,7 @@
 // The table of suites.
 #include <fmt/format.h>
 
-#include "accel/names.h"
+#include "accel/host/names.h"
 #include "harness/extremes/suite.h"
 
 namespace raybench::extremes {

@@ -4,7 +4,7 @@
 #include <array>
 #include <vector>
 
-#include "accel/ray_primitive.h"
+#include "accel/ray/primitive.h"
 
 using namespace raybench;
 

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "accel/raybench.h"
+#include "accel/contract/raybench.h"
 
 typedef struct {
   float lo, hi;

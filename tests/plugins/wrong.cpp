@@ -1,5 +1,5 @@
 // Plugins that lie, each in one way: the verdict must catch them all.
-#include "accel/structure.h"
+#include "accel/contract/structure.h"
 
 using namespace raybench;
 

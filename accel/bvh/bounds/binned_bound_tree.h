@@ -1,0 +1,31 @@
+// A hierarchy of any bound over the topology of the binned SAH builder.
+#pragma once
+
+#include <fmt/format.h>
+#include <tbb/task_arena.h>
+
+#include "accel/bvh/binned_sah.h"
+#include "accel/bvh/bound_tree.h"
+
+namespace raybench {
+
+/// Throws std::runtime_error: over the memory limit, cancelled.
+template <class Bound>
+BoundTree<Bound> BuildBinnedBoundTree(const rb_geometry& geometry, const rb_build_options& options,
+                                      uint32_t leaf_size, bool padded) {
+  const uint64_t prims = PrimCount(geometry);
+  BoundTree<Bound> tree;
+  if (prims == 0) return tree;
+  if (const uint64_t need = BinnedSahPeakBytes(prims);
+      options.memory_limit > 0 && need > options.memory_limit)
+    throw std::runtime_error(fmt::format("building needs about {} MiB, over the memory limit", need >> 20));
+  tbb::task_arena arena(int(options.threads));
+  arena.execute([&] {
+    const BinnedSahOptions build{.costs = {.leaf_size = leaf_size}, .padded = padded};
+    tree =
+        BoundTree<Bound>(geometry, BuildBinnedSah(geometry, build, options.cancel), padded, options.cancel);
+  });
+  return tree;
+}
+
+}  // namespace raybench

@@ -1,0 +1,110 @@
+// What structures that are a Bvh2 share: parameters, limits, answers. A structure adds its builder and the
+// parameters of that.
+#pragma once
+
+#include <fmt/format.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <cstddef>
+#include <stdexcept>
+#include <utility>
+
+#include "accel/bvh/bvh2.h"
+#include "accel/bvh/reinsertion.h"
+
+namespace raybench {
+
+/// First member of the Config of such a structure.
+struct BvhConfig {
+  int64_t leaf_size, reinsertion;
+  double traversal_cost;
+  uint32_t numerics;
+
+  /// Smaller leaves than a block do not fill it.
+  SahCosts Costs() const {
+    return {uint32_t(leaf_size), uint32_t(std::min<int64_t>(leaf_size, 4)), float(traversal_cost)};
+  }
+  bool Padded() const { return IsConservative(numerics); }
+};
+
+// Their descriptions, for Params(); BvhConfig stands at offset 0.
+inline constexpr rb_param kBvhNumerics = {"numerics",
+                                          kNumericsDoc,
+                                          RB_CHOICE,
+                                          RB_PARAM_APPROXIMATE,
+                                          offsetof(BvhConfig, numerics),
+                                          0,
+                                          0,
+                                          0,
+                                          double(Numerics::kWatertight),
+                                          kNumericsChoices};
+constexpr rb_param BvhLeafSize(double by_default) {
+  return {"leaf_size", "most primitives in a leaf", RB_INT,     0,      offsetof(BvhConfig, leaf_size), 0,
+          1,           double(Bvh2::kMaxLeaf),      by_default, nullptr};
+}
+inline constexpr rb_param kBvhTraversalCost = {"traversal_cost",
+                                               "cost of a node in units of one leaf block of four primitives",
+                                               RB_FLOAT,
+                                               0,
+                                               offsetof(BvhConfig, traversal_cost),
+                                               0,
+                                               0,
+                                               100,
+                                               1.5,
+                                               nullptr};
+inline constexpr rb_param kBvhReinsertion = {"reinsertion",
+                                             "passes that move subtrees to where they cost less",
+                                             RB_INT,
+                                             0,
+                                             offsetof(BvhConfig, reinsertion),
+                                             0,
+                                             0,
+                                             100,
+                                             0,
+                                             nullptr};
+
+class BvhStructure {
+ public:
+  static constexpr uint64_t kCapabilities =
+      RB_CAN_COUNT | RB_CAN_PROCEDURAL | RB_CAN_AFTER | RB_CAN_SKIP | RB_DETERMINISTIC;
+
+  template <class Counter>
+  void Query(const rb_query& query) const {
+    bvh_.Query<Counter>(numerics_, query);
+  }
+  uint32_t Claims() const { return claim_; }
+  MemoryUse Memory() const { return bvh_.Memory(); }
+  template <class Fn>
+  int Visit(Fn&& node) const {
+    return bvh_.Visit(node);
+  }
+
+ protected:
+  /// build() returns the BinaryTree over at least one primitive; it is called inside an arena of
+  /// options.threads and takes `peak_bytes`, its result included.
+  template <class Build>
+  BvhStructure(const rb_geometry& geometry, const rb_build_options& options, const BvhConfig& config,
+               uint64_t peak_bytes, Build&& build)
+      : numerics_(config.numerics), claim_(ClaimOf(config.numerics, geometry)) {
+    const uint64_t prims = PrimCount(geometry);
+    if (prims == 0) return;
+    const uint64_t need =
+        std::max(peak_bytes, config.reinsertion > 0 ? ReinsertionPeakBytes(prims) : uint64_t{0});
+    if (options.memory_limit > 0 && need > options.memory_limit)
+      throw std::runtime_error(fmt::format("building needs about {} MiB, over the memory limit", need >> 20));
+    tbb::task_arena arena(int(options.threads));
+    arena.execute([&] {
+      BinaryTree tree = build();
+      if (config.reinsertion > 0)
+        tree = Reinsert(std::move(tree), uint32_t(config.reinsertion), config.Costs(), options.cancel);
+      bvh_ = Bvh2(geometry, tree);
+    });
+  }
+
+ private:
+  uint32_t numerics_, claim_;
+  Bvh2 bvh_;
+};
+
+}  // namespace raybench

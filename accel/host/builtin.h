@@ -1,0 +1,13 @@
+// The built-in structures. The list is made by CMake from the file names in accel/structures/, so that adding
+// a file adds a structure, and static linking drops none.
+#pragma once
+
+#include <vector>
+
+#include "accel/contract/raybench.h"
+
+namespace raybench {
+
+std::vector<const rb_structure*> BuiltinStructures();
+
+}  // namespace raybench

@@ -1,0 +1,147 @@
+#include "accel/host/registry.h"
+
+#include <dlfcn.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstddef>
+
+#include "accel/host/builtin.h"
+#include "accel/host/names.h"
+
+namespace raybench {
+namespace {
+
+bool IsStructureName(std::string_view name) {
+  if (name.empty() || name.front() < 'a' || name.front() > 'z') return false;
+  return std::all_of(name.begin(), name.end(),
+                     [](char c) { return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_'; });
+}
+
+/// Empty if the table keeps the contract as far as can be seen without calling it.
+std::string Flaw(const rb_structure& s) {
+  if (s.abi_version != RAYBENCH_ABI_VERSION) {
+    return fmt::format("a structure has ABI version {}, this raybench speaks {}", s.abi_version,
+                       RAYBENCH_ABI_VERSION);
+  }
+  if (s.struct_size < offsetof(rb_structure, visit) + sizeof s.visit) {
+    return fmt::format("a structure's struct_size is {}, at least {} is needed", s.struct_size,
+                       offsetof(rb_structure, visit) + sizeof s.visit);
+  }
+  if (s.name == nullptr || !IsStructureName(s.name))
+    return "a structure's name is not of the form [a-z][a-z0-9_]*";
+  if (s.doc == nullptr || s.source == nullptr)
+    return fmt::format("structure '{}' lacks doc or source", s.name);
+  if (std::string_view(s.doc).find('\n') != std::string_view::npos)
+    return fmt::format("structure '{}': doc is more than one line", s.name);
+  for (auto [present, what] :
+       {std::pair(s.build != nullptr, "build"), std::pair(s.destroy != nullptr, "destroy"),
+        std::pair(s.query != nullptr, "query"), std::pair(s.claims != nullptr, "claims"),
+        std::pair(s.memory != nullptr, "memory")}) {
+    if (!present) return fmt::format("structure '{}' lacks the required function {}", s.name, what);
+  }
+  if ((s.capabilities & RB_CAN_COUNT) != 0 && s.query_counted == nullptr) {
+    return fmt::format("structure '{}' says RB_CAN_COUNT but lacks query_counted", s.name);
+  }
+  if (s.param_count > 0 && s.params == nullptr)
+    return fmt::format("structure '{}' lacks its parameters", s.name);
+  if (std::string flaw = FlawOfParameters({s.params, s.param_count}, s.config_size); !flaw.empty())
+    return fmt::format("structure '{}': {}", s.name, flaw);
+  return {};
+}
+
+}  // namespace
+
+Registry::Registry() {
+  for (const rb_structure* structure : BuiltinStructures()) Add(structure, {});
+}
+
+void Registry::Add(const rb_structure* structure, const std::string& origin) {
+  const std::string where = origin.empty() ? "built-in structure" : origin;
+  if (std::string flaw = Flaw(*structure); !flaw.empty())
+    throw InputError(fmt::format("{}: {}", where, flaw));
+  for (const rb_structure* known : structures_) {
+    if (std::string_view(known->name) == structure->name) {
+      throw InputError(fmt::format("{}: the name '{}' is taken already", where, structure->name));
+    }
+  }
+  structures_.push_back(structure);
+  origins_.push_back(origin);
+}
+
+void Registry::LoadPlugin(const std::string& path) {
+  // Without a slash dlopen would search the system's library folders instead of opening the file.
+  const std::string file = path.find('/') == std::string::npos ? "./" + path : path;
+  void* library = dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);
+  if (library == nullptr) {
+    std::string why = dlerror();
+    std::replace(why.begin(), why.end(), '\n', ' ');
+    throw InputError(fmt::format("plugin {}: {}", path, why));
+  }
+  auto entry = reinterpret_cast<rb_plugin_entry>(dlsym(library, RAYBENCH_PLUGIN_ENTRY));
+  if (entry == nullptr) {
+    dlclose(library);
+    throw InputError(fmt::format("plugin {}: it does not export {}", path, RAYBENCH_PLUGIN_ENTRY));
+  }
+  size_t count = 0;
+  const rb_structure* const* tables = entry(RAYBENCH_ABI_VERSION, &count);
+  if (tables == nullptr || count == 0) {
+    throw InputError(
+        fmt::format("plugin {}: it offers nothing for ABI version {}", path, RAYBENCH_ABI_VERSION));
+  }
+  Registry trial = *this;  // all of a plugin's structures are added or none
+  for (size_t i = 0; i < count; ++i) {
+    if (tables[i] == nullptr) throw InputError(fmt::format("plugin {}: structure {} is NULL", path, i));
+    trial.Add(tables[i], path);
+  }
+  *this = std::move(trial);
+}
+
+const rb_structure& Registry::Find(std::string_view name) const {
+  std::vector<std::string_view> names;
+  for (const rb_structure* structure : structures_) {
+    if (name == structure->name) return *structure;
+    names.push_back(structure->name);
+  }
+  throw InputError(
+      fmt::format("unknown structure '{}'{}; see: raybench list structures", name, DidYouMean(name, names)));
+}
+
+std::string Registry::OriginOf(const rb_structure& structure) const {
+  for (size_t i = 0; i < structures_.size(); ++i) {
+    if (structures_[i] == &structure) return origins_[i];
+  }
+  return {};
+}
+
+std::string Contestant::Spec() const {
+  return FormatSpec(structure->name, {structure->params, structure->param_count}, config.data());
+}
+
+std::string Contestant::Params() const {
+  return FormatAllParameters({structure->params, structure->param_count}, config.data());
+}
+
+Contestant ParseContestant(const Registry& registry, std::string_view text) {
+  Spec spec = ParseSpec(text);
+  const rb_structure& structure = registry.Find(spec.name);
+  return {&structure, Configure(structure.name, {structure.params, structure.param_count},
+                                structure.config_size, spec.values)};
+}
+
+Tree::Tree(const Contestant& contestant, const rb_geometry& geometry, const rb_build_options& options)
+    : structure_(contestant.structure) {
+  rb_tree* tree = nullptr;
+  char error[512] = "";
+  int failed = structure_->build(&geometry, &options, contestant.config.data(), &tree, error, sizeof error);
+  if (failed != 0 || tree == nullptr) {
+    throw BuildError(fmt::format("{}: {}", contestant.Spec(), error[0] != 0 ? error : "the build failed"));
+  }
+  tree_ = {tree, structure_->destroy};
+}
+
+rb_build_options DefaultBuildOptions() {
+  return {sizeof(rb_build_options), 1, 1, RB_NEED_UV | RB_NEED_ANY, 0, nullptr};
+}
+
+}  // namespace raybench

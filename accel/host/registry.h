@@ -1,0 +1,79 @@
+// The structures a process knows: the built-in ones and those of loaded plugins.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "accel/contract/raybench.h"
+#include "accel/contract/valid_ray.h"
+#include "accel/host/parameters.h"
+
+namespace raybench {
+
+class Registry {
+ public:
+  /// Starts with every built-in structure, sorted by name.
+  Registry();
+
+  /// Loads a shared library and adds what it exports. Plugins stay loaded until the process ends.
+  /// Throws InputError naming the file when it cannot be loaded, speaks another ABI, lacks a required
+  /// function, or brings a name that is taken.
+  void LoadPlugin(const std::string& path);
+
+  /// Throws InputError listing the known names.
+  const rb_structure& Find(std::string_view name) const;
+  std::span<const rb_structure* const> structures() const { return structures_; }
+  /// Path of the plugin that brought the structure; empty for built-in ones.
+  std::string OriginOf(const rb_structure& structure) const;
+
+ private:
+  void Add(const rb_structure* structure, const std::string& origin);
+
+  std::vector<const rb_structure*> structures_;
+  std::vector<std::string> origins_;
+};
+
+/// A structure together with a checked configuration.
+struct Contestant {
+  const rb_structure* structure = nullptr;
+  std::vector<std::byte> config;
+
+  std::string Spec() const;    ///< short: only what differs from the defaults
+  std::string Params() const;  ///< canonical: every parameter
+};
+
+/// Parses and checks one "name(key=value,...)".
+Contestant ParseContestant(const Registry& registry, std::string_view text);
+
+/// Owns a built tree.
+class Tree {
+ public:
+  Tree() = default;
+  /// Builds; throws BuildError with the structure's own message.
+  Tree(const Contestant& contestant, const rb_geometry& geometry, const rb_build_options& options);
+
+  explicit operator bool() const { return tree_ != nullptr; }
+  const rb_structure& structure() const { return *structure_; }
+  const rb_tree* get() const { return tree_.get(); }
+
+  void Query(const rb_query& query) const { structure_->query(tree_.get(), &query); }
+  void QueryCounted(const rb_query& query) const { structure_->query_counted(tree_.get(), &query); }
+  uint32_t Claims() const { return structure_->claims(tree_.get()); }
+
+ private:
+  const rb_structure* structure_ = nullptr;
+  std::unique_ptr<rb_tree, void (*)(rb_tree*)> tree_{nullptr, nullptr};
+};
+
+/// A build that ended without a tree: cancelled, over the memory limit, or input the structure cannot hold.
+struct BuildError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+/// Default options: all fields set, one thread, everything needed but `after` and `skip`.
+rb_build_options DefaultBuildOptions();
+
+}  // namespace raybench

@@ -1,0 +1,101 @@
+// The ray-box test that all structures share, and the boxes it is asked about.
+//
+// A plane p of an axis is met at t = (p - o) / d. Which of a box's two planes comes first is told by the sign
+// of d, NaN (0 * inf: the origin on the plane of a parallel ray) drops out of min and max. Rounding is
+// monotone, so the interval of a box contains the interval of each box inside it.
+//
+// Nothing that the triangle test accepts may be culled. That takes more than Ize's (2013) far * (1 + 2
+// gamma_3), which covers the errors of this test alone. Let u = 2^-24, p the exact hit point and E the
+// triangle's largest extent. Woop's sheared vertex fl(fl(A.x-o.x) - fl(Sx fl(A.z-o.z))) is off by at most 2 u
+// |A.x-o.x| + 4 u |Sx (A.z-o.z)|, and both |A.x-o.x| and |Sx (A.z-o.z)| are at most |p.x-o.x| + E. Given
+// sheared vertices the signs of the edge functions are exact, so an accepted ray passes the triangle's box
+// within 6 u |p.x-o.x| + 6 u E along x and y, and within its z extent. The first term moves t by 6 u
+// relatively, the slab arithmetic by 3 u more, at either end: the far end is scaled by 1 + 32 u. The second
+// does not depend on the ray: a triangle's box is padded by 16 u E when the tree is built, or by an ulp of
+// the coordinate where that is more; rounding takes at most half of it back.
+//
+// Tests in double and exact ones find t itself to within rounding. Their t must not be clamped into an
+// interval that float arithmetic computed (ray/primitive.h), so the near end is scaled too, by 1 - 32 u: then
+// the interval of every box around the primitive holds the exact t and its rounding. A near end below zero
+// moves up, but stays below zero, where it decides nothing.
+//
+// Subnormal numbers: a difference of floats does not underflow; where t does, it is rounded as the interval's
+// ends are, and rounding is monotone; where 1/d does, it keeps enough bits for the scaling above; where 1/d
+// overflows, the near end is taken with the largest float, hence too early, and the far one is infinite.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "accel/base/vec3.h"
+#include "accel/contract/raybench.h"
+#include "accel/contract/structure.h"
+#include "accel/ray/triangle.h"
+
+namespace raybench {
+
+/// The box from lo to hi, padded as above for a triangle of that extent; at least by one ulp of each
+/// coordinate, since less would be rounded away.
+inline Bounds3 PaddedBounds(Vec3f lo, Vec3f hi, float extent) {
+  const float pad = std::max(extent * 0x1p-20f, std::numeric_limits<float>::denorm_min());
+  Bounds3 b;
+  for (int a = 0; a < 3; ++a) {
+    b.lo[a] = lo[a] - std::max(pad, std::fabs(lo[a]) * 0x1p-23f);
+    b.hi[a] = hi[a] + std::max(pad, std::fabs(hi[a]) * 0x1p-23f);
+  }
+  return b;
+}
+
+inline float LargestExtent(Vec3f lo, Vec3f hi) {
+  const Vec3f e = hi - lo;
+  return std::max(e.x, std::max(e.y, e.z));
+}
+
+/// The same for what fills the box.
+inline Bounds3 PaddedBounds(Vec3f lo, Vec3f hi) { return PaddedBounds(lo, hi, LargestExtent(lo, hi)); }
+
+/// The triangle's bounds, padded.
+inline Bounds3 PaddedBounds(Vec3f p0, Vec3f p1, Vec3f p2) {
+  return PaddedBounds(Min(Min(p0, p1), p2), Max(Max(p0, p1), p2));
+}
+
+/// What builders must enclose so that conservative traversal finds the primitive. Procedural primitives bring
+/// bounds that are rounded outward already.
+inline Bounds3 PaddedPrimBounds(const rb_geometry& g, uint32_t prim) {
+  if (prim >= g.triangle_count) return PrimBounds(g, prim);
+  return PaddedBounds(Vertex(g, prim, 0), Vertex(g, prim, 1), Vertex(g, prim, 2));
+}
+
+/// What a ray brings to slab tests, with its ends scaled as above.
+struct SlabRay {
+  Vec3f org;
+  Vec3f inv_near, inv_far;  ///< 1/d; the near one stays finite
+  bool negative[3];         ///< sign bit of d: the upper plane is met first
+
+  SlabRay(const rb_ray& ray, Slack slack) : org(LoadVec3(ray.org)) {
+    constexpr float kMax = std::numeric_limits<float>::max();
+    const float near_scale = slack == Slack::kBothEnds ? 1 - 0x1p-19f : 1;
+    const float far_scale = slack == Slack::kNone ? 1 : 1 + 0x1p-19f;
+    for (int a = 0; a < 3; ++a) {
+      const float inv = 1 / ray.dir[a];
+      negative[a] = std::signbit(ray.dir[a]);
+      inv_near[a] = (std::fabs(inv) <= kMax ? inv : std::copysign(kMax, inv)) * near_scale;
+      inv_far[a] = inv * far_scale;
+    }
+  }
+
+  /// The t interval inside the box; `tnear > tfar` if there is none.
+  void Interval(const Bounds3& box, float& tnear, float& tfar) const {
+    tnear = -std::numeric_limits<float>::infinity();
+    tfar = std::numeric_limits<float>::infinity();
+    for (int a = 0; a < 3; ++a) {
+      const float n = ((negative[a] ? box.hi[a] : box.lo[a]) - org[a]) * inv_near[a];
+      const float f = ((negative[a] ? box.lo[a] : box.hi[a]) - org[a]) * inv_far[a];
+      tnear = n > tnear ? n : tnear;
+      tfar = f < tfar ? f : tfar;
+    }
+  }
+};
+
+}  // namespace raybench

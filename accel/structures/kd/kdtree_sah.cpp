@@ -1,0 +1,73 @@
+// kdtree_sah: a kd-tree by the surface area heuristic.
+//
+// The idea: split space, not objects (Bentley 1975; for rays Kaplan 1985): each node cuts its cell by a plane
+// across an axis, and a ray walks the cells it passes in order, so that it may stop at the first hit. Where
+// to cut is decided greedily by the expected cost of a random line (MacDonald and Booth 1990), among all
+// planes that bound a primitive's part in the cell (Havran 2000), found by one sweep over sorted events in
+// O(N log N) (Wald and Havran 2006), or among evenly spaced ones (Shevtsov, Soupikov, Kapustin 2007).
+// Layout and traversal: accel/kd/tree.h. Builders: accel/kd/build.h, kd/events.h, kd/split.h.
+//
+// Invariants: the leaves of a primitive cover it, padding included; depth stays below the traversal stack's;
+// leaves hold at most 1 + duplication references a primitive; the same tree at any thread count.
+#include "accel/kd/structure.h"
+
+namespace raybench {
+namespace {
+
+class KdTreeSah : public KdStructure {
+ public:
+  struct Config {
+    uint32_t numerics, builder, axis, clip;
+    double traversal_cost, empty_bonus, duplication;
+    int64_t leaf_size, max_depth, bins;
+  };
+  static constexpr const char* kName = "kdtree_sah";
+  static constexpr const char* kDoc =
+      "kd-tree, SAH over all planes in O(N log N), perfect splits, four-wide leaves";
+  static constexpr const char* kSource =
+      "Wald, Havran 2006: On building fast kd-trees for ray tracing, and on doing that in O(N log N)";
+  static std::span<const rb_param> Params() {
+    static const char* const builders[] = {"sweep", "binned", nullptr};
+    static const char* const axes[] = {"cyclic", "largest", "best", nullptr};
+    static const rb_param params[] = {
+        {"numerics", kNumericsDoc, RB_CHOICE, RB_PARAM_APPROXIMATE, offsetof(Config, numerics), 0, 0, 0,
+         double(Numerics::kWatertight), kNumericsChoices},
+        {"builder", "planes compared: all that bound a primitive (sweep), or evenly spaced ones (binned)",
+         RB_CHOICE, 0, offsetof(Config, builder), 0, 0, 0, 0, builders},
+        {"axis", "axis of the plane: in turn, of the cell's largest extent, or the best of all", RB_CHOICE, 0,
+         offsetof(Config, axis), 0, 0, 0, double(KdAxisRule::kBest), axes},
+        {"clip", kKdClipDoc, RB_BOOL, 0, offsetof(Config, clip), 0, 0, 1, 1, nullptr},
+        {"traversal_cost", "cost of a node in units of one leaf block of four primitives", RB_FLOAT, 0,
+         offsetof(Config, traversal_cost), 0, 0, 100, 1.5, nullptr},
+        {"empty_bonus", "share of the cost forgiven to a plane that cuts off empty space", RB_FLOAT, 0,
+         offsetof(Config, empty_bonus), 0, 0, 1, 0.1, nullptr},
+        {"leaf_size", kKdLeafSizeDoc, RB_INT, 0, offsetof(Config, leaf_size), 0, 0, 1024, 1, nullptr},
+        {"max_depth", kKdMaxDepthDoc, RB_INT, 0, offsetof(Config, max_depth), 0, 0,
+         double(KdTree::kMaxDepth - 1), 0, nullptr},
+        {"bins", "binned: planes compared on each axis", RB_INT, 0, offsetof(Config, bins), 0, 2,
+         double(kMaxKdBins), 32, nullptr},
+        {"duplication", kKdDuplicationDoc, RB_FLOAT, 0, offsetof(Config, duplication), 0, 0, 100, 8,
+         nullptr}};
+    return params;
+  }
+
+  KdTreeSah(const rb_geometry& geometry, const rb_build_options& options, const Config& config)
+      : KdStructure(geometry, options,
+                    {.method = config.builder == 0 ? KdMethod::kSweep : KdMethod::kBinned,
+                     .axis = KdAxisRule(config.axis),
+                     .costs = {.traversal = float(config.traversal_cost),
+                               .empty_bonus = float(config.empty_bonus),
+                               .block = LeafBlocks::kLanes},
+                     .bins = uint32_t(config.bins),
+                     .leaf_size = uint32_t(config.leaf_size),
+                     .max_depth = uint32_t(config.max_depth),
+                     .duplication = config.duplication,
+                     .clip = config.clip != 0},
+                    config.numerics) {}
+};
+
+}  // namespace
+
+RAYBENCH_STRUCTURE(kdtree_sah, KdTreeSah)
+
+}  // namespace raybench

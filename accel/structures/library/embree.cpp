@@ -1,0 +1,296 @@
+// embree: Intel's Embree (Wald et al. 2014) behind the contract, single-ray calls, as an engine would use it
+// first.
+//
+// Triangles are one geometry, procedural primitives a user geometry. Vertex and index arrays are shared with
+// the scene, not copied. Input that makes a packaged Embree abort is kept away from it: invalid rays, and
+// such as start beyond 1.8e18, are answered here with a miss, directions shorter than 1e-18 or longer
+// than 1.8e18 are scaled; geometry is clean by contract. It cannot count, resume or skip. Embree orders hits
+// at equal t as it meets them; so ids at ties may differ from the lowest, which the verdict shows.
+//
+// Its answers are brought to the contract's interval (tnear, tfar]. The robust test takes the end tnear in,
+// so it is asked from the next float on, which is the same. Where products of subnormal numbers make t NaN or
+// put it outside, it is asked once more with a direction as long as it takes; what it cannot say then is a
+// miss.
+#include "accel/structures/library/embree.h"
+
+#include <fmt/format.h>
+#include <tbb/global_control.h>
+
+#include <algorithm>
+#include <atomic>
+#include <bit>
+#include <cmath>
+#include <memory>
+
+#include "accel/contract/structure.h"
+#include "accel/contract/valid_ray.h"
+
+namespace raybench {
+namespace {
+
+constexpr unsigned kTriangles = 0, kProcedural = 1;  // geometry ids
+constexpr float kLongest = 1.844e18f;                // Embree's FLT_LARGE
+
+struct Release {
+  void operator()(RTCDevice d) const { rtcReleaseDevice(d); }
+  void operator()(RTCScene s) const { rtcReleaseScene(s); }
+};
+template <class Handle>
+using Owned = std::unique_ptr<std::remove_pointer_t<Handle>, Release>;
+
+const char* const kQualities[] = {"low", "medium", "high", nullptr};
+constexpr uint32_t kLow = 0;
+
+class Embree {
+ public:
+  struct Config {
+    uint32_t quality, robust, compact, flush_to_zero;
+  };
+  static constexpr const char* kName = "embree";
+  static constexpr const char* kDoc = "Intel Embree, single-ray calls";
+  static constexpr const char* kSource =
+      "Wald, Woop, Benthin, Johnson, Ernst 2014: Embree, a kernel framework";
+  // Embree promises the same tree only for one thread.
+  static constexpr uint64_t kCapabilities = RB_CAN_PROCEDURAL;
+  static std::span<const rb_param> Params() {
+    static const rb_param params[] = {
+        {"quality", "build quality: low (Morton), medium (binned SAH), high (spatial splits)", RB_CHOICE, 0,
+         offsetof(Config, quality), 0, 0, 0, 1, kQualities},
+        {"robust", "RTC_SCENE_FLAG_ROBUST: tests that avoid leaks at edges", RB_BOOL, RB_PARAM_APPROXIMATE,
+         offsetof(Config, robust), 0, 0, 1, 0, nullptr},
+        {"compact", "RTC_SCENE_FLAG_COMPACT: less memory", RB_BOOL, 0, offsetof(Config, compact), 0, 0, 1, 0,
+         nullptr},
+        {"flush_to_zero", "trace with subnormal numbers taken for 0, as Embree's manual recommends", RB_BOOL,
+         RB_PARAM_APPROXIMATE, offsetof(Config, flush_to_zero), 0, 0, 1, 0, nullptr}};
+    return params;
+  }
+
+  Embree(const rb_geometry& geometry, const rb_build_options& options, const Config& config)
+      : geometry_(geometry), config_(config), cancel_(options.cancel), limit_(options.memory_limit) {
+    // Embree builds in a oneTBB arena of its own, so only a process-wide limit binds it. Given to the device
+    // it would hold as long as the tree lives, for other structures' builds too; so it is set for the commit
+    // alone.
+    device_.reset(rtcNewDevice(nullptr));
+    if (!device_) throw BuildError("Embree gives no device");
+    rtcSetDeviceMemoryMonitorFunction(device_.get(), &CountMemory, this);
+    scene_.reset(rtcNewScene(device_.get()));
+    const RTCBuildQuality qualities[] = {RTC_BUILD_QUALITY_LOW, RTC_BUILD_QUALITY_MEDIUM,
+                                         RTC_BUILD_QUALITY_HIGH};
+    rtcSetSceneBuildQuality(scene_.get(), qualities[config.quality]);
+    rtcSetSceneFlags(scene_.get(),
+                     RTCSceneFlags((config.robust ? RTC_SCENE_FLAG_ROBUST : RTC_SCENE_FLAG_NONE) |
+                                   (config.compact ? RTC_SCENE_FLAG_COMPACT : RTC_SCENE_FLAG_NONE)));
+    rtcSetSceneProgressMonitorFunction(scene_.get(), &KeepGoing, this);
+    if (geometry.triangle_count > 0) AttachTriangles();
+    if (geometry.procedural_count > 0) AttachProcedural();
+    {
+      tbb::global_control threads(tbb::global_control::max_allowed_parallelism, options.threads);
+      rtcCommitScene(scene_.get());
+    }
+    if (RTCError error = rtcGetDeviceError(device_.get()); error != RTC_ERROR_NONE) {
+      if (error == RTC_ERROR_CANCELLED) throw BuildError("cancelled");
+      if (error == RTC_ERROR_OUT_OF_MEMORY) throw BuildError("over the memory limit");
+      throw BuildError(fmt::format("Embree reports error {}", int(error)));
+    }
+    cancel_ = nullptr;
+  }
+
+  template <class Counter>
+  void Query(const rb_query& query) const {
+#if RAYBENCH_EMBREE_MAJOR >= 4
+    RTCIntersectArguments closest;
+    rtcInitIntersectArguments(&closest);
+    RTCOccludedArguments any;
+    rtcInitOccludedArguments(&any);
+#else
+    RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+#endif
+    const FloatState state(config_.flush_to_zero != 0 ? FloatState::kFlushing : FloatState::kIeee);
+    // Locals: the compiler must take it that the library changes whatever it can reach.
+    const rb_ray* const rays = query.rays;
+    const size_t n = query.n;
+    const RTCScene scene = scene_.get();
+    const bool open_end = config_.robust != 0;
+    const uint32_t triangles = uint32_t(geometry_.triangle_count);
+    const auto closest_hit = [&](const rb_ray& ray) -> rb_hit {
+      RTCRayHit found;
+      found.ray = ToEmbree(ray, open_end);
+      found.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+      found.hit.primID = RTC_INVALID_GEOMETRY_ID;
+      found.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+#if RAYBENCH_EMBREE_MAJOR >= 4
+      rtcIntersect1(scene, &found, &closest);
+#else
+      rtcIntersect1(scene, &context, &found);
+#endif
+      if (found.hit.geomID == RTC_INVALID_GEOMETRY_ID) return {ray.tfar, 0, 0, RAYBENCH_NONE};
+      return {found.ray.tfar, found.hit.u, found.hit.v,
+              found.hit.primID + (found.hit.geomID == kTriangles ? 0 : triangles)};
+    };
+    const auto closest_inside = [&](const rb_ray& ray) -> rb_hit {
+      const rb_hit hit = closest_hit(ray);
+      return hit.t > ray.tnear && hit.t <= ray.tfar ? hit : AskAgain(ray, hit, closest_hit);
+    };
+    if (query.kind == RB_ANY) {
+      uint8_t* const occluded = query.occluded;
+      for (size_t i = 0; i < n; ++i) {
+        if (!IsTaken(rays[i])) [[unlikely]] {
+          occluded[i] = TraceUnusual(rays[i], closest_inside).prim != RAYBENCH_NONE;
+          continue;
+        }
+        RTCRay ray = ToEmbree(rays[i], open_end);
+        const bool asked = ray.tfar >= 0;
+        if (asked) [[likely]] {
+#if RAYBENCH_EMBREE_MAJOR >= 4
+          rtcOccluded1(scene, &ray, &any);
+#else
+          rtcOccluded1(scene, &context, &ray);
+#endif
+        }
+        occluded[i] = asked && ray.tfar < 0;
+      }
+      return;
+    }
+    rb_hit* const hits = query.hits;
+    for (size_t i = 0; i < n; ++i) {
+      hits[i] = IsTaken(rays[i]) ? closest_inside(rays[i]) : TraceUnusual(rays[i], closest_inside);
+    }
+  }
+
+  uint32_t Claims() const { return RB_CLAIM_INEXACT; }
+  // Embree's monitor does not tell nodes from primitives. Single triangles are read from the scene's arrays.
+  MemoryUse Memory() const { return {uint64_t(std::max<int64_t>(0, bytes_.load())), 0, true}; }
+  RTCScene scene() const { return scene_.get(); }
+
+ private:
+  /// `open_end`: for a test that takes tnear in, the interval begins at the float after it.
+  static RTCRay ToEmbree(const rb_ray& in, bool open_end) {
+    RTCRay ray;
+    ray.org_x = in.org[0], ray.org_y = in.org[1], ray.org_z = in.org[2];
+    ray.tnear = std::bit_cast<float>((std::bit_cast<uint32_t>(in.tnear) & 0x7FFFFFFF) + open_end);
+    ray.dir_x = in.dir[0], ray.dir_y = in.dir[1], ray.dir_z = in.dir[2], ray.time = 0;
+    ray.tfar = in.tfar, ray.mask = unsigned(-1), ray.id = 0, ray.flags = 0;
+    return ray;
+  }
+
+  /// What Embree takes without an assertion (components up to its FLT_LARGE) and without answering t = NaN
+  /// (it takes no reciprocal of less than 1e-18).
+  static bool IsTaken(const rb_ray& ray) { return IsRayWithin(ray, kLongest, kLongest, 1e-18f); }
+
+  /// The others: what is valid, with a direction of length about 1, if Embree takes that; else a miss.
+  template <class Trace>
+  static rb_hit TraceUnusual(const rb_ray& ray, const Trace& trace) {
+    rb_hit hit{ray.tfar, 0, 0, RAYBENCH_NONE};
+    if (!IsValidRay(ray)) return hit;
+    const FloatState ieee;  // a t below the normal floats is no 0
+    TraceRescaled(RayQuery{ray}, hit, [&](const RayQuery& scaled) {
+      if (IsTaken(scaled.ray)) hit = trace(scaled.ray);
+    });
+    return hit;
+  }
+
+  /// After an answer whose t is NaN or lies outside the ray's interval; a miss at tfar is no such answer.
+  template <class Trace>
+  static rb_hit AskAgain(const rb_ray& ray, const rb_hit& answer, const Trace& trace) {
+    if (answer.prim == RAYBENCH_NONE) return answer;
+    const FloatState ieee;
+    constexpr float kMax = std::numeric_limits<float>::max();
+    const float* const d = ray.dir;
+    const int e =
+        std::ilogb(kLongest) - 1 - std::ilogb(std::max({std::fabs(d[0]), std::fabs(d[1]), std::fabs(d[2])}));
+    rb_ray longer = ray;
+    for (float& x : longer.dir) x = std::ldexp(x, e);
+    longer.tnear = std::ldexp(ray.tnear, -e), longer.tfar = std::ldexp(std::min(ray.tfar, kMax), -e);
+    rb_hit hit = trace(longer);
+    hit.t = std::ldexp(hit.t, e);
+    const bool is_inside = hit.prim != RAYBENCH_NONE && hit.t > ray.tnear && hit.t <= ray.tfar;
+    return is_inside ? hit : rb_hit{ray.tfar, 0, 0, RAYBENCH_NONE};
+  }
+
+  void AttachTriangles() {
+    RTCGeometry g = rtcNewGeometry(device_.get(), RTC_GEOMETRY_TYPE_TRIANGLE);
+    rtcSetSharedGeometryBuffer(g, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, geometry_.positions, 0, 12,
+                               geometry_.vertex_count);
+    rtcSetSharedGeometryBuffer(g, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, geometry_.triangles, 0, 12,
+                               geometry_.triangle_count);
+    Attach(g, kTriangles);
+  }
+
+  void AttachProcedural() {
+    RTCGeometry g = rtcNewGeometry(device_.get(), RTC_GEOMETRY_TYPE_USER);
+    rtcSetGeometryUserPrimitiveCount(g, unsigned(geometry_.procedural_count));
+    rtcSetGeometryUserData(g, this);
+    rtcSetGeometryBoundsFunction(
+        g,
+        [](const RTCBoundsFunctionArguments* args) {
+          const rb_geometry& geometry = static_cast<const Embree*>(args->geometryUserPtr)->geometry_;
+          float lo[3], hi[3];
+          geometry.procedural_bounds(geometry.procedural_user, args->primID, lo, hi);
+          *args->bounds_o = {lo[0], lo[1], lo[2], 0, hi[0], hi[1], hi[2], 0};
+        },
+        nullptr);
+    rtcSetGeometryIntersectFunction(g, [](const RTCIntersectFunctionNArguments* args) {
+      if (args->valid[0] == 0) return;
+      auto* found = reinterpret_cast<RTCRayHit*>(args->rayhit);
+      rb_hit hit;
+      if (!IntersectProcedural(args->geometryUserPtr, args->primID, found->ray, hit)) return;
+      found->ray.tfar = hit.t, found->hit.u = hit.u, found->hit.v = hit.v;
+      found->hit.primID = args->primID, found->hit.geomID = args->geomID;
+      found->hit.instID[0] = args->context->instID[0];
+    });
+    rtcSetGeometryOccludedFunction(g, [](const RTCOccludedFunctionNArguments* args) {
+      if (args->valid[0] == 0) return;
+      auto* ray = reinterpret_cast<RTCRay*>(args->ray);
+      rb_hit hit;
+      if (IntersectProcedural(args->geometryUserPtr, args->primID, *ray, hit)) {
+        ray->tfar = -std::numeric_limits<float>::infinity();
+      }
+    });
+    Attach(g, kProcedural);
+  }
+
+  static bool IntersectProcedural(const void* user, unsigned prim, const RTCRay& ray, rb_hit& hit) {
+    const auto& self = *static_cast<const Embree*>(user);
+    const rb_geometry& geometry = self.geometry_;
+    // This test leaves tnear out by itself.
+    const float tnear = std::bit_cast<float>(std::bit_cast<uint32_t>(ray.tnear) - (self.config_.robust != 0));
+    const rb_ray query{{ray.org_x, ray.org_y, ray.org_z}, tnear, {ray.dir_x, ray.dir_y, ray.dir_z}, ray.tfar};
+    constexpr uint32_t kFast = 0;
+    return geometry.procedural_intersect(geometry.procedural_user, prim, kFast, &query, &hit) != 0;
+  }
+
+  void Attach(RTCGeometry g, unsigned id) {
+    // A scene of low quality has a tree for each geometry, which is of medium quality unless told.
+    if (config_.quality == kLow) rtcSetGeometryBuildQuality(g, RTC_BUILD_QUALITY_LOW);
+    rtcCommitGeometry(g);
+    rtcAttachGeometryByID(scene_.get(), g, id);
+    rtcReleaseGeometry(g);
+  }
+
+  static bool CountMemory(void* self, ssize_t bytes, bool) {
+    auto& e = *static_cast<Embree*>(self);
+    const int64_t now = e.bytes_.fetch_add(bytes) + bytes;
+    return bytes <= 0 || e.limit_ == 0 || now <= int64_t(e.limit_);
+  }
+  static bool KeepGoing(void* self, double) {
+    const volatile int* cancel = static_cast<Embree*>(self)->cancel_;
+    return cancel == nullptr || *cancel == 0;
+  }
+
+  rb_geometry geometry_;
+  Config config_;
+  const volatile int* cancel_;
+  uint64_t limit_;
+  std::atomic<int64_t> bytes_{0};
+  Owned<RTCDevice> device_;
+  Owned<RTCScene> scene_;
+};
+
+}  // namespace
+
+RTCScene EmbreeSceneOf(const rb_tree* tree) { return reinterpret_cast<const Embree*>(tree)->scene(); }
+
+RAYBENCH_STRUCTURE(embree, Embree)
+
+}  // namespace raybench

@@ -1,0 +1,272 @@
+// octree: cells halved at their centres along all three axes at once, until little is left in them.
+//
+// The idea: detail decides where space is cut fine, and what is empty is not cut at all (Glassner 1984,
+// "Space subdivision for fast ray tracing"). Unlike a kd-tree's, the planes are given by the cell, so nothing
+// is searched while building, and a node says nothing about where its planes are that its parent has not
+// said.
+//
+// Node, 64 bytes, one cache line:
+//
+//     center x y z | filled: one bit a child | child[8]: node, or first block | count[8]: 2 bytes each
+//
+// Traversal is top-down with the parameters of planes, after Revelles, Urena, Lastra (2000), but not as they
+// do it: t of a centre plane is computed from the plane, never as the mean of its neighbours' (inf - inf for
+// parallel rays), and rays are not mirrored, which would round their origins. A ray carries the t of its
+// cell's six planes; the centre adds three, each twice, rounded down where it is an entry and up where it is
+// an exit. Entry and exit of all eight children are the maxima and minima of three of them, in four lanes at
+// once. Numbering children by the halves in the order in which the ray meets them, that is by `child xor
+// signs`, makes 0..7 an order from front to back.
+//
+// No hit is lost: these are the slab tests of ray/bounds.h. Where a primitive lies across a centre plane it
+// stands in both halves, and at any t >= 0 the slackened intervals of the two leave no gap between them, so
+// by induction down the tree a leaf that holds it is open at its t.
+//
+// Parameters: depth and leaf_size end the subdivision, and so does `growth`, where it would only copy
+// references (center_tree.h). What goes into a cell: insertion.h.
+//
+// Invariants: a primitive stands in every leaf that it meets; depth below the traversal stack's; the same
+// tree at any thread count.
+#include <tbb/task_arena.h>
+
+#include "accel/base/simd.h"
+#include "accel/space/center_tree.h"
+
+namespace raybench {
+namespace {
+
+class Octree {
+ public:
+  struct Config {
+    double growth, references;
+    int64_t depth, leaf_size;
+    uint32_t numerics, insertion;
+  };
+  static constexpr const char* kName = "octree";
+  static constexpr const char* kDoc = "octree over bounds, all children of a node tested at once";
+  static constexpr const char* kSource = "Glassner 1984: Space subdivision for fast ray tracing";
+  static constexpr uint64_t kCapabilities =
+      RB_CAN_COUNT | RB_CAN_PROCEDURAL | RB_CAN_AFTER | RB_CAN_SKIP | RB_DETERMINISTIC;
+  static std::span<const rb_param> Params() {
+    static const rb_param params[] = {
+        {"numerics", kNumericsDoc, RB_CHOICE, RB_PARAM_APPROXIMATE, offsetof(Config, numerics), 0, 0, 0,
+         double(Numerics::kWatertight), kNumericsChoices},
+        {"depth", "deepest level; the root has 0", RB_INT, 0, offsetof(Config, depth), 0, 0, kMaxCenterDepth,
+         16, nullptr},
+        {"leaf_size", "cells with more primitives are divided", RB_INT, 0, offsetof(Config, leaf_size), 0, 1,
+         4096, 8, nullptr},
+        {"growth", "cells are not divided where their children would hold so many times their references",
+         RB_FLOAT, 0, offsetof(Config, growth), 0, 1, 9, 3, nullptr},
+        {"references", "most references per primitive, of the whole tree", RB_FLOAT, RB_PARAM_LOG,
+         offsetof(Config, references), 0, 1, 1024, 16, nullptr},
+        {"insertion", kInsertionDoc, RB_CHOICE, 0, offsetof(Config, insertion), 0, 0, 0, 0,
+         kInsertionChoices}};
+    return params;
+  }
+
+  Octree(const rb_geometry& geometry, const rb_build_options& options, const Config& config)
+      : numerics_(config.numerics), claim_(ClaimOf(config.numerics, geometry)), geometry_(geometry) {
+    if (PrimCount(geometry) == 0) return;
+    tbb::task_arena arena(int(options.threads));
+    arena.execute([&] {
+      const Insertion insertion(geometry, config.insertion != 0, IsConservative(config.numerics));
+      const CenterTreeOptions how{.depth = uint32_t(config.depth),
+                                  .leaf_size = uint32_t(config.leaf_size),
+                                  .growth = config.growth,
+                                  .references = config.references};
+      LayOut(BuildCenterTree(insertion, how, options));
+    });
+  }
+
+  template <class Counter>
+  void Query(const rb_query& query) const {
+    WithNumerics(numerics_, [&]<class Test>() {
+      ForEachRay<Counter>(query, [&](auto any, const RayQuery& q, rb_hit& best, Counter& counter) {
+        geometry_.procedural_count > 0 ? Trace<true, any.value>(RayState<Test>(q), best, counter)
+                                       : Trace<false, any.value>(RayState<Test>(q), best, counter);
+      });
+    });
+  }
+  uint32_t Claims() const { return claim_; }
+  MemoryUse Memory() const { return {nodes_.bytes(), leaves_.bytes(), geometry_.procedural_count > 0}; }
+  template <class Fn>
+  int Visit(Fn&& node) const {
+    std::vector<uint32_t> prims;
+    return root_.count == CenterChild::kEmpty ? 0 : VisitBelow(root_, bounds_, 0, node, prims);
+  }
+
+ private:
+  struct alignas(64) Node {
+    float center[3];
+    uint32_t filled;
+    uint32_t child[8];
+    uint16_t count[8];
+  };
+  static_assert(sizeof(Node) == 64);
+
+  /// A cell on the way of a ray: t of the planes by which it enters and leaves, by axis.
+  struct Entry {
+    Float4 enter, leave;  // the fourth lane of `enter` holds the ref's index, that of `leave` its count
+    CenterChild ref() const {
+      uint32_t index, count;
+      std::memcpy(&index, reinterpret_cast<const char*>(&enter) + 12, 4);
+      std::memcpy(&count, reinterpret_cast<const char*>(&leave) + 12, 4);
+      return {index, uint16_t(count)};
+    }
+    void Refer(uint32_t index, uint32_t count) {
+      std::memcpy(reinterpret_cast<char*>(&enter) + 12, &index, 4);
+      std::memcpy(reinterpret_cast<char*>(&leave) + 12, &count, 4);
+    }
+  };
+  static constexpr size_t kStack = 7 * kMaxCenterDepth + 8;
+
+  void LayOut(const CenterTree& tree) {
+    leaves_ = CenterLeaves(geometry_, tree);
+    root_ = leaves_.Child(0), bounds_ = tree.nodes[0].box;
+    nodes_ = HugeArray<Node>(leaves_.inner().size());
+    for (size_t i = 0; i < nodes_.size(); ++i) {
+      const CenterTree::Node& from = tree.nodes[leaves_.inner()[i]];
+      Node& node = nodes_[i];
+      node.filled = 0;
+      for (int a = 0; a < 3; ++a) node.center[a] = CenterOf(from.box, a);
+      for (uint32_t k = 0; k < 8; ++k) {
+        const CenterChild child = leaves_.Child(from.child + k);
+        node.child[k] = child.index, node.count[k] = child.count;
+        node.filled |= uint32_t(child.count != CenterChild::kEmpty) << k;
+      }
+    }
+    leaves_.Forget();
+  }
+
+  /// Bit r of the result is bit (r xor signs) of `bits`.
+  static unsigned Reorder(unsigned bits, unsigned signs) {
+    bits = (signs & 1) != 0 ? (bits & 0x55u) << 1 | (bits >> 1 & 0x55u) : bits;
+    bits = (signs & 2) != 0 ? (bits & 0x33u) << 2 | (bits >> 2 & 0x33u) : bits;
+    return (signs & 4) != 0 ? (bits & 0x0Fu) << 4 | bits >> 4 : bits;
+  }
+
+  template <bool kProcedural, bool kAnyHit, class Test, class Counter>
+  void Trace(const RayState<Test>& ray, rb_hit& best, Counter& counter) const {
+    static constexpr Int4 kHalf[8] = {{0, 0, 0, 0},  {-1, 0, 0, 0},  {0, -1, 0, 0},  {-1, -1, 0, 0},
+                                      {0, 0, -1, 0}, {-1, 0, -1, 0}, {0, -1, -1, 0}, {-1, -1, -1, 0}};
+    if (root_.count == CenterChild::kEmpty) return;
+    const SlabRay& slab = ray.slab;
+    const unsigned signs =
+        unsigned(slab.negative[0]) | unsigned(slab.negative[1]) << 1 | unsigned(slab.negative[2]) << 2;
+    const Float4 org{slab.org.x, slab.org.y, slab.org.z, 0};
+    const Float4 inv_enter{slab.inv_near.x, slab.inv_near.y, slab.inv_near.z, 0};
+    const Float4 inv_leave{slab.inv_far.x, slab.inv_far.y, slab.inv_far.z, 0};
+    const float tnear = ray.query.ray.tnear;
+
+    Entry stack[kStack], now;
+    int top = 0;
+    {
+      Float4 first{}, last{};
+      for (int a = 0; a < 3; ++a) {
+        first[a] = slab.negative[a] ? bounds_.hi[a] : bounds_.lo[a];
+        last[a] = slab.negative[a] ? bounds_.lo[a] : bounds_.hi[a];
+      }
+      now.enter = (first - org) * inv_enter, now.leave = (last - org) * inv_leave;
+      now.Refer(root_.index, root_.count);
+      counter.Bounds(1);
+      float enter, leave;
+      slab.Interval(bounds_, enter, leave);
+      if (!(std::max(enter, tnear) <= std::min(leave, best.t))) return;
+    }
+    NoMailbox none;
+    for (;;) {
+      CenterChild ref = now.ref();
+      while (ref.count == CenterChild::kInner) {
+        const Node& node = nodes_[ref.index];
+        counter.Step(sizeof(Node));
+        counter.Bounds(3);
+        const Float4 from_org = Float4(Int4(Load4(node.center)) & Int4{-1, -1, -1, 0}) - org;
+        const Float4 enter2 = from_org * inv_enter, leave2 = from_org * inv_leave;
+        const Float4 &e = now.enter, &l = now.leave;
+        const Float4 enter_xy =
+            MaxOrSecond(Float4{e[0], enter2[0], e[0], enter2[0]},
+                        MaxOrSecond(Float4{e[1], e[1], enter2[1], enter2[1]}, Splat4(tnear)));
+        // NaN (a parallel ray in the plane) limits nothing, being the first operand.
+        const Float4 leave_xy =
+            MinOrSecond(Float4{leave2[0], l[0], leave2[0], l[0]},
+                        MinOrSecond(Float4{leave2[1], leave2[1], l[1], l[1]}, Splat4(best.t)));
+        const Float4 enter_0 = MaxOrSecond(Splat4(e[2]), enter_xy),
+                     enter_1 = MaxOrSecond(Splat4(enter2[2]), enter_xy);
+        const Float4 leave_0 = MinOrSecond(Splat4(leave2[2]), leave_xy),
+                     leave_1 = MinOrSecond(Splat4(l[2]), leave_xy);
+        unsigned hit = Mask(enter_0 <= leave_0) | Mask(enter_1 <= leave_1) << 4;
+        if constexpr (!Counter::kCounts) hit &= Reorder(node.filled, signs);
+        if (hit == 0) {
+          ref.count = CenterChild::kEmpty;
+          break;
+        }
+        auto child = [&](unsigned r) {
+          const unsigned k = r ^ signs;
+          Entry c{kHalf[r] ? enter2 : e, kHalf[r] ? l : leave2};
+          c.Refer(node.child[k], node.count[k]);
+          return c;
+        };
+        while ((hit & (hit - 1)) != 0) {
+          const unsigned r = 31u - unsigned(__builtin_clz(hit));
+          stack[top++] = child(r);
+          hit ^= 1u << r;
+        }
+        now = child(unsigned(__builtin_ctz(hit)));
+        ref = now.ref();
+        if (Counter::kCounts && ref.count == CenterChild::kEmpty) CountEmpty(counter);
+      }
+      if (ref.count != CenterChild::kEmpty) {
+        counter.Step(0);
+        if (leaves_.Intersect<kProcedural, kAnyHit>(ref, ray, best, counter, none) && kAnyHit) return;
+      }
+      for (;;) {
+        if (top == 0) return;
+        now = stack[--top];
+        const float enter = std::max(std::max(now.enter[0], now.enter[1]), now.enter[2]);
+        if (enter > best.t) continue;
+        if (!Counter::kCounts || now.ref().count != CenterChild::kEmpty) break;
+        CountEmpty(counter);
+      }
+    }
+  }
+
+  /// Empty children are looked for only when counting: they are traversed, but there is nothing to do.
+  template <class Counter>
+  static void CountEmpty(Counter& counter) {
+    counter.Step(0);
+    counter.Leaf(true);
+  }
+
+  template <class Fn>
+  int VisitBelow(CenterChild ref, const Bounds3& box, uint32_t depth, Fn& node,
+                 std::vector<uint32_t>& prims) const {
+    const float bounds[6] = {box.lo.x, box.lo.y, box.lo.z, box.hi.x, box.hi.y, box.hi.z};
+    rb_node shown{depth, 0, 1, RB_SHAPE_BOX, bounds, 6, 0, nullptr};
+    if (ref.count != CenterChild::kInner) {
+      prims.clear();
+      leaves_.Append(ref, prims);
+      shown.is_leaf = 1, shown.prim_count = uint32_t(prims.size()), shown.prims = prims.data();
+      return node(shown);
+    }
+    if (int stop = node(shown)) return stop;
+    const Node& n = nodes_[ref.index];
+    for (uint32_t k = 0; k < 8; ++k) {
+      Bounds3 child = box;
+      for (int a = 0; a < 3; ++a) ((k >> a & 1) != 0 ? child.lo : child.hi)[a] = n.center[a];
+      if (int stop = VisitBelow({n.child[k], n.count[k]}, child, depth + 1, node, prims)) return stop;
+    }
+    return 0;
+  }
+
+  uint32_t numerics_, claim_;
+  rb_geometry geometry_;
+  HugeArray<Node> nodes_;
+  CenterLeaves leaves_;
+  CenterChild root_;
+  Bounds3 bounds_;
+};
+
+}  // namespace
+
+RAYBENCH_STRUCTURE(octree, Octree)
+
+}  // namespace raybench

@@ -1,0 +1,269 @@
+// quadtree: the octree's planar relative for height fields and what is like them.
+//
+// The idea: where things lie beside each other in a plane and never far apart across it, only the plane's two
+// axes are worth cutting (Finkel and Bentley 1974); each cell keeps the height of what it holds, so that a
+// ray passes above and below most of them (Musgrave 1988, "Grid tracing", does the like over one grid;
+// Mitsuba and others trace height fields by quadtrees of minima and maxima).
+//
+// Node, 64 bytes, one cache line; heights are lower and upper bounds along the axis that is not cut:
+//
+//     height: lower[4] upper[4] | center[2] | child[4]: node, or first block | count[4]: 2 bytes each
+//
+// Traversal is the octree's (octree.cpp) with two axes: the four children's entries and exits are four lanes,
+// in the order in which the ray meets them, and their heights' slabs limit them further. No hit is lost for
+// the same reason; the heights enclose the boxes of all that is in the cell.
+//
+// Parameters: `axis` is the one that is not cut. By itself the tree takes that along which the fewest boxes
+// stand behind one another, on average over lines parallel to it. depth, leaf_size and growth end the
+// subdivision (center_tree.h; a child has about a third of its parent's surface here).
+//
+// Invariants: a primitive stands in every leaf whose square it meets; depth below the traversal stack's; the
+// same tree at any thread count.
+#include <tbb/task_arena.h>
+
+#include "accel/base/simd.h"
+#include "accel/space/center_tree.h"
+
+namespace raybench {
+namespace {
+
+constexpr const char* kAxisChoices[] = {"auto", "x", "y", "z", nullptr};
+
+/// The axis parallel to which a line meets the fewest boxes, on average over the scene's box.
+int HeightAxis(const Insertion& insertion) {
+  const Vec3f size = insertion.Scene().Extent();
+  int axis = 2;
+  double fewest = std::numeric_limits<double>::infinity();
+  for (int a : {2, 1, 0}) {
+    const int b = (a + 1) % 3, c = (a + 2) % 3;
+    double met = 0;
+    for (uint32_t i = 0; i < insertion.size(); ++i) {
+      const Vec3f e = insertion.Box(i).Extent();
+      met += double(e[b]) * double(e[c]);
+    }
+    met /= double(size[b]) * double(size[c]);
+    if (met < fewest) fewest = met, axis = a;  // false for NaN: a scene without any area
+  }
+  return axis;
+}
+
+class Quadtree {
+ public:
+  struct Config {
+    double growth, references;
+    int64_t depth, leaf_size;
+    uint32_t numerics, insertion, axis;
+  };
+  static constexpr const char* kName = "quadtree";
+  static constexpr const char* kDoc = "quadtree in a plane, heights in its cells: for height fields";
+  static constexpr const char* kSource =
+      "Finkel and Bentley 1974: Quad trees, a data structure for retrieval on composite keys";
+  static constexpr uint64_t kCapabilities =
+      RB_CAN_COUNT | RB_CAN_PROCEDURAL | RB_CAN_AFTER | RB_CAN_SKIP | RB_DETERMINISTIC;
+  static std::span<const rb_param> Params() {
+    static const rb_param params[] = {
+        {"numerics", kNumericsDoc, RB_CHOICE, RB_PARAM_APPROXIMATE, offsetof(Config, numerics), 0, 0, 0,
+         double(Numerics::kWatertight), kNumericsChoices},
+        {"axis", "of height, which is not cut; auto: along which the fewest boxes stand behind one another",
+         RB_CHOICE, 0, offsetof(Config, axis), 0, 0, 0, 0, kAxisChoices},
+        {"depth", "deepest level; the root has 0", RB_INT, 0, offsetof(Config, depth), 0, 0, kMaxCenterDepth,
+         16, nullptr},
+        {"leaf_size", "cells with more primitives are divided", RB_INT, 0, offsetof(Config, leaf_size), 0, 1,
+         4096, 8, nullptr},
+        {"growth", "cells are not divided where their children would hold so many times their references",
+         RB_FLOAT, 0, offsetof(Config, growth), 0, 1, 5, 2.5, nullptr},
+        {"references", "most references per primitive, of the whole tree", RB_FLOAT, RB_PARAM_LOG,
+         offsetof(Config, references), 0, 1, 1024, 16, nullptr},
+        {"insertion", kInsertionDoc, RB_CHOICE, 0, offsetof(Config, insertion), 0, 0, 0, 0,
+         kInsertionChoices}};
+    return params;
+  }
+
+  Quadtree(const rb_geometry& geometry, const rb_build_options& options, const Config& config)
+      : numerics_(config.numerics), claim_(ClaimOf(config.numerics, geometry)), geometry_(geometry) {
+    if (PrimCount(geometry) == 0) return;
+    tbb::task_arena arena(int(options.threads));
+    arena.execute([&] {
+      const Insertion insertion(geometry, config.insertion != 0, IsConservative(config.numerics));
+      const int height = config.axis == 0 ? HeightAxis(insertion) : int(config.axis) - 1;
+      for (int k = 0; k < 3; ++k) axes_[k] = (height + 1 + k) % 3;
+      const CenterTreeOptions how{.axes = {axes_[0], axes_[1], axes_[2]},
+                                  .axis_count = 2,
+                                  .depth = uint32_t(config.depth),
+                                  .leaf_size = uint32_t(config.leaf_size),
+                                  .growth = config.growth,
+                                  .references = config.references};
+      LayOut(BuildCenterTree(insertion, how, options));
+    });
+  }
+
+  template <class Counter>
+  void Query(const rb_query& query) const {
+    WithNumerics(numerics_, [&]<class Test>() {
+      ForEachRay<Counter>(query, [&](auto any, const RayQuery& q, rb_hit& best, Counter& counter) {
+        geometry_.procedural_count > 0 ? Trace<true, any.value>(RayState<Test>(q), best, counter)
+                                       : Trace<false, any.value>(RayState<Test>(q), best, counter);
+      });
+    });
+  }
+  uint32_t Claims() const { return claim_; }
+  MemoryUse Memory() const { return {nodes_.bytes(), leaves_.bytes(), geometry_.procedural_count > 0}; }
+  template <class Fn>
+  int Visit(Fn&& node) const {
+    std::vector<uint32_t> prims;
+    return root_.count == CenterChild::kEmpty ? 0 : VisitBelow(root_, bounds_, 0, node, prims);
+  }
+
+ private:
+  struct alignas(64) Node {
+    float lower[4], upper[4];
+    float center[2];
+    uint32_t child[4];
+    uint16_t count[4];
+  };
+  static_assert(sizeof(Node) == 64);
+
+  /// A cell on the way of a ray: t of the planes by which it enters and leaves it along both axes.
+  struct Entry {
+    float enter[2], leave[2];
+    float tnear;  // the heights' slab included
+    CenterChild ref;
+  };
+  static constexpr size_t kStack = 3 * kMaxCenterDepth + 4;
+
+  void LayOut(const CenterTree& tree) {
+    leaves_ = CenterLeaves(geometry_, tree);
+    root_ = leaves_.Child(0), bounds_ = tree.nodes[0].box;
+    nodes_ = HugeArray<Node>(leaves_.inner().size());
+    for (size_t i = 0; i < nodes_.size(); ++i) {
+      const CenterTree::Node& from = tree.nodes[leaves_.inner()[i]];
+      Node& node = nodes_[i];
+      for (int k = 0; k < 2; ++k) node.center[k] = CenterOf(from.box, axes_[k]);
+      for (uint32_t k = 0; k < 4; ++k) {
+        const Bounds3& box = tree.nodes[from.child + k].box;
+        const CenterChild child = leaves_.Child(from.child + k);
+        node.lower[k] = box.lo[axes_[2]], node.upper[k] = box.hi[axes_[2]];
+        node.child[k] = child.index, node.count[k] = child.count;
+      }
+    }
+    leaves_.Forget();
+  }
+
+  template <bool kProcedural, bool kAnyHit, class Test, class Counter>
+  void Trace(const RayState<Test>& ray, rb_hit& best, Counter& counter) const {
+    if (root_.count == CenterChild::kEmpty) return;
+    const SlabRay& slab = ray.slab;
+    const int x = axes_[0], y = axes_[1], z = axes_[2];
+    const unsigned signs = unsigned(slab.negative[x]) | unsigned(slab.negative[y]) << 1;
+    const Int4 order = {int32_t(signs), int32_t(1 ^ signs), int32_t(2 ^ signs), int32_t(3 ^ signs)};
+    const float tnear = ray.query.ray.tnear;
+
+    Entry stack[kStack], now;
+    int top = 0;
+    counter.Bounds(1);
+    float tfar;
+    slab.Interval(bounds_, now.tnear, tfar);
+    if (!(std::max(now.tnear, tnear) <= std::min(tfar, best.t))) return;
+    for (int k = 0; k < 2; ++k) {
+      const int a = axes_[k];
+      now.enter[k] = ((slab.negative[a] ? bounds_.hi : bounds_.lo)[a] - slab.org[a]) * slab.inv_near[a];
+      now.leave[k] = ((slab.negative[a] ? bounds_.lo : bounds_.hi)[a] - slab.org[a]) * slab.inv_far[a];
+    }
+    now.ref = root_;
+    NoMailbox none;
+    for (;;) {
+      while (now.ref.count == CenterChild::kInner) {
+        const Node& node = nodes_[now.ref.index];
+        counter.Step(sizeof(Node));
+        counter.Bounds(4);
+        const float dx = node.center[0] - slab.org[x], dy = node.center[1] - slab.org[y];
+        const float enter_x = dx * slab.inv_near[x], leave_x = dx * slab.inv_far[x];
+        const float enter_y = dy * slab.inv_near[y], leave_y = dy * slab.inv_far[y];
+        const Float4 first = Load4(slab.negative[z] ? node.upper : node.lower),
+                     last = Load4(slab.negative[z] ? node.lower : node.upper);
+        // NaN (a parallel ray in a plane) limits nothing, being the first operand.
+        Float4 enter = (Shuffle(first, order) - slab.org[z]) * slab.inv_near[z];
+        enter = MaxOrSecond(enter, Splat4(tnear));
+        enter = MaxOrSecond(Float4{now.enter[0], enter_x, now.enter[0], enter_x}, enter);
+        enter = MaxOrSecond(Float4{now.enter[1], now.enter[1], enter_y, enter_y}, enter);
+        Float4 leave = (Shuffle(last, order) - slab.org[z]) * slab.inv_far[z];
+        leave = MinOrSecond(leave, Splat4(best.t));
+        leave = MinOrSecond(Float4{leave_x, now.leave[0], leave_x, now.leave[0]}, leave);
+        leave = MinOrSecond(Float4{leave_y, leave_y, now.leave[1], now.leave[1]}, leave);
+        unsigned hit = Mask(enter <= leave);
+        if (hit == 0) {
+          now.ref.count = CenterChild::kEmpty;
+          break;
+        }
+        const Entry parent = now;
+        auto child = [&](unsigned r) {
+          const unsigned k = r ^ signs;
+          return Entry{{(r & 1) != 0 ? enter_x : parent.enter[0], (r & 2) != 0 ? enter_y : parent.enter[1]},
+                       {(r & 1) != 0 ? parent.leave[0] : leave_x, (r & 2) != 0 ? parent.leave[1] : leave_y},
+                       enter[r],
+                       {node.child[k], node.count[k]}};
+        };
+        while ((hit & (hit - 1)) != 0) {
+          const unsigned r = 31u - unsigned(__builtin_clz(hit));
+          stack[top++] = child(r);
+          hit ^= 1u << r;
+        }
+        now = child(unsigned(__builtin_ctz(hit)));
+      }
+      if (now.ref.count != CenterChild::kEmpty) {
+        counter.Step(0);
+        if (leaves_.Intersect<kProcedural, kAnyHit>(now.ref, ray, best, counter, none) && kAnyHit) return;
+      }
+      do {
+        if (top == 0) return;
+        now = stack[--top];
+      } while (now.tnear > best.t);
+    }
+  }
+
+  static Float4 Shuffle(Float4 v, Int4 order) {
+#if defined(__AVX__)
+    return _mm_permutevar_ps(v, __m128i(order));
+#else
+    return Float4{v[order[0]], v[order[1]], v[order[2]], v[order[3]]};
+#endif
+  }
+
+  template <class Fn>
+  int VisitBelow(CenterChild ref, const Bounds3& box, uint32_t depth, Fn& node,
+                 std::vector<uint32_t>& prims) const {
+    const float bounds[6] = {box.lo.x, box.lo.y, box.lo.z, box.hi.x, box.hi.y, box.hi.z};
+    rb_node shown{depth, 0, 1, RB_SHAPE_BOX, bounds, 6, 0, nullptr};
+    if (ref.count != CenterChild::kInner) {
+      prims.clear();
+      leaves_.Append(ref, prims);
+      shown.is_leaf = 1, shown.prim_count = uint32_t(prims.size()), shown.prims = prims.data();
+      return node(shown);
+    }
+    if (int stop = node(shown)) return stop;
+    const Node& n = nodes_[ref.index];
+    for (uint32_t k = 0; k < 4; ++k) {
+      Bounds3 child = box;
+      for (int a = 0; a < 2; ++a) ((k >> a & 1) != 0 ? child.lo : child.hi)[axes_[a]] = n.center[a];
+      // An empty cell has no height: it is shown flat.
+      child.lo[axes_[2]] = n.lower[k] <= n.upper[k] ? n.lower[k] : box.lo[axes_[2]];
+      child.hi[axes_[2]] = n.lower[k] <= n.upper[k] ? n.upper[k] : box.lo[axes_[2]];
+      if (int stop = VisitBelow({n.child[k], n.count[k]}, child, depth + 1, node, prims)) return stop;
+    }
+    return 0;
+  }
+
+  uint32_t numerics_, claim_;
+  rb_geometry geometry_;
+  int axes_[3] = {0, 1, 2};  // the two that are cut, then that of height
+  HugeArray<Node> nodes_;
+  CenterLeaves leaves_;
+  CenterChild root_;
+  Bounds3 bounds_;
+};
+
+}  // namespace
+
+RAYBENCH_STRUCTURE(quadtree, Quadtree)
+
+}  // namespace raybench

@@ -1,0 +1,125 @@
+#include "harness/cli/command_line.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "accel/host/names.h"
+#include "harness/cli/commands.h"
+#include "harness/measure/machine.h"
+#include "harness/terminal/interrupt.h"
+
+namespace raybench {
+namespace {
+
+constexpr const char* kExamples = R"help(
+Examples:
+  raybench run                          the main job: a real model and two procedural scenes
+  raybench run --quick                  the same with few rays, within a minute
+  raybench run model.glb --structures "bvh_sah,bvh_sah(numerics=fast),embree" --out results/mine
+  raybench run "sphereflake(depth=5)" --rays 1M --threads 1,2 --seed 7
+  raybench run model.obj --plugin ./libmine.so --structures mine,bvh_sah
+  raybench verify model.obj --structures bvh_sah,embree
+  raybench rays record model.obj -o model_rays
+  raybench run model.obj --rays model_rays
+  raybench render engine -o engine.png --size 1280x720
+  raybench list structures              parameters with ranges and defaults
+  raybench fetch engine                 get a real model
+  raybench extremes --quick             where answers begin to fail: far away, slivers, copies, ...
+  raybench spd                          count the rays of published scenes beside published figures
+  raybench report results/mine          draw the plots
+Truth is kept beside fetched models, in RAYBENCH_CACHE or else ~/.cache/raybench, for the next run;
+RAYBENCH_TRUTH_CACHE=off asks anew.
+Exit codes: 0 fine; 1 a claim was broken; 2 wrong input; 3 inconclusive; 130 interrupted.)help";
+
+/// The command that was typed, down to the last word that is one.
+const CLI::App& LastCommand(const CLI::App& app) {
+  const CLI::App* last = &app;
+  while (!last->get_subcommands().empty()) last = last->get_subcommands().back();
+  return *last;
+}
+
+std::string Typed(const CLI::App& app) {
+  std::string words = app.get_name();
+  for (const CLI::App* at = &app; !at->get_subcommands().empty();) {
+    at = at->get_subcommands().back();
+    words += " " + at->get_name();
+  }
+  return words;
+}
+
+/// What the first word that nothing took may have been meant for.
+std::string Meant(const CLI::App& app) {
+  const std::vector<std::string> left = app.remaining(true);
+  if (left.empty()) return {};
+  const CLI::App& command = LastCommand(app);
+  const std::string word = left[0].substr(0, left[0].find('='));
+  std::vector<std::string> names;
+  if (word.starts_with("-")) {
+    for (const CLI::App* at : {&command, &app})
+      for (const CLI::Option* option : at->get_options())
+        for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
+  } else {
+    for (const CLI::App* sub : command.get_subcommands([](const CLI::App*) { return true; }))
+      names.push_back(sub->get_name());
+  }
+  return DidYouMean(word, std::vector<std::string_view>(names.begin(), names.end()));
+}
+
+}  // namespace
+
+int RunCommandLine(std::vector<std::string> arguments) {
+  Invocation invocation;
+  invocation.arguments = arguments;
+  CLI::App app("Benchmark of ray-tracing acceleration structures", "raybench");
+  app.footer(std::string(kGoals) + kExamples);
+  app.require_subcommand(0, 1);
+  app.fallthrough();
+  app.set_version_flag(
+      "--version", [] { return VersionText(); }, "Versions, commit and libraries");
+  app.add_option("--plugin", invocation.plugins, "Shared library with more structures; may be repeated")
+      ->allow_extra_args(false)
+      ->type_name("FILE.so");
+  AddRunCommand(app, invocation);
+  AddVerifyCommand(app, invocation);
+  AddRenderCommand(app, invocation);
+  AddRaysCommand(app, invocation);
+  AddListCommand(app, invocation);
+  AddFetchCommand(app, invocation);
+  AddExtremesCommand(app, invocation);
+  AddSpdCommand(app, invocation);
+  AddReportCommand(app, invocation);
+
+  // Google Benchmark's flags are its own: they are set aside before ours are read.
+  const auto own = std::stable_partition(arguments.begin() + 1, arguments.end(),
+                                         [](const std::string& a) { return !a.starts_with("--benchmark_"); });
+  invocation.benchmark_flags.assign(own, arguments.end());
+  std::vector<std::string> reversed(std::make_reverse_iterator(own),
+                                    std::make_reverse_iterator(arguments.begin() + 1));
+  try {
+    app.parse(reversed);
+  } catch (const CLI::ParseError& error) {
+    if (error.get_exit_code() == int(CLI::ExitCodes::Success)) return app.exit(error);
+    std::string line = error.what();
+    std::replace(line.begin(), line.end(), '\n', ' ');
+    throw InputError(line + Meant(app) + "; see " + Typed(app) + " --help");
+  }
+  const auto typed = app.get_subcommands();
+  if (!invocation.benchmark_flags.empty() && (typed.empty() || typed[0]->get_name() != "run")) {
+    throw InputError(fmt::format("{}: only `raybench run` takes arguments of Google Benchmark",
+                                 invocation.benchmark_flags[0]));
+  }
+  if (!invocation.action) {
+    std::string names;
+    for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; }))
+      names += (names.empty() ? "" : ", ") + command->get_name();
+    throw InputError(fmt::format("no command given; commands: {}; see raybench --help", names));
+  }
+
+  CatchInterrupts();
+  Registry registry;
+  for (const std::string& plugin : invocation.plugins) registry.LoadPlugin(plugin);
+  return invocation.action(registry);
+}
+
+}  // namespace raybench

@@ -1,0 +1,72 @@
+// raybench extremes: where answers begin to fail, by suites of ever worse input.
+#include <fmt/format.h>
+
+#include <optional>
+
+#include "harness/cli/commands.h"
+#include "harness/extremes/run.h"
+#include "harness/extremes/suite.h"
+
+namespace raybench {
+namespace {
+
+struct ExtremesArguments {
+  extremes::Options options;
+  std::optional<std::string> structures;
+  bool list = false, no_report = false;
+};
+
+int ListSuites() {
+  for (const extremes::Suite& suite : extremes::Suites()) {
+    fmt::print("{}: {}\n  axis: {}; fails: {}\n", suite.name, suite.doc, suite.axis_title, suite.failure);
+    if (suite.second != nullptr) fmt::print("  second measure: {}\n", suite.second);
+    fmt::print("  claims must hold: {}\n", suite.range);
+  }
+  fmt::print("{}\n", extremes::kNotCovered);
+  return 0;
+}
+
+void AddOptions(CLI::App& command, ExtremesArguments& arguments) {
+  extremes::Options& options = arguments.options;
+  command.add_option("--suites", options.suites, "Such as edge_aim,far_scene; default all (see --list)")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->type_name("A,B");
+  command
+      .add_option("--structures", arguments.structures,
+                  "Such as bvh_sah,embree(robust=true); default: one of each family, at each of its "
+                  "numerics; all: every one")
+      ->type_name("A,B(X=1)");
+  command.add_option("--rays", options.rays, "Rays at a point; default 2K, quick 256")
+      ->transform(WholeNumber(uint64_t{64}, uint64_t{1} << 24, Units::kSizes))
+      ->type_name("N");
+  command.add_option("--seed", options.seed, "Seed of everything random; default 1")
+      ->transform(WholeNumber())
+      ->type_name("N");
+  command.add_flag("--quick", options.quick, "Every second point and fewer rays: two minutes");
+  command.add_option("--out", options.out, "Result folder; default: results/extremes-<UTC time>")
+      ->type_name("DIR");
+  command.add_flag("--list", arguments.list, "Say what suites there are");
+  command.add_flag("--no-report", arguments.no_report, "Draw no plots");
+  command.footer(
+      "reports/EXTREMES.md reads the plots. Exit code 1: a claim was broken inside of a suite's range.");
+}
+
+}  // namespace
+
+void AddExtremesCommand(CLI::App& app, Invocation& invocation) {
+  AddCommand<ExtremesArguments>(app, invocation, "extremes",
+                                "Find where answers begin to fail, by ever worse input", AddOptions,
+                                [&invocation](ExtremesArguments& arguments, const Registry& registry) {
+                                  if (arguments.list) return ListSuites();
+                                  extremes::Options& options = arguments.options;
+                                  if (arguments.structures)
+                                    options.structures = SplitSpecs(*arguments.structures);
+                                  options.plugins = invocation.plugins;
+                                  options.command_line = invocation.arguments;
+                                  options.report = !arguments.no_report;
+                                  return extremes::Run(registry, options);
+                                });
+}
+
+}  // namespace raybench

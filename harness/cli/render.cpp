@@ -1,0 +1,184 @@
+// raybench render: one picture, or heat maps of what traversal costs per pixel.
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <optional>
+
+#include "datasets/scene/facts.h"
+#include "datasets/scene/scene.h"
+#include "harness/cli/commands.h"
+#include "harness/cli/picture_options.h"
+#include "harness/measure/machine.h"
+#include "harness/measure/measure.h"
+#include "harness/plan/build_options.h"
+#include "harness/render/heat.h"
+#include "harness/terminal/interrupt.h"
+#include "harness/terminal/load.h"
+#include "harness/terminal/progress.h"
+#include "tracer/image_io.h"
+#include "tracer/image_library.h"
+#include "tracer/tracer.h"
+
+namespace raybench {
+namespace fs = std::filesystem;
+namespace {
+
+struct RenderOptions {
+  std::string scene, structure = "bvh_sah", out, size;
+  uint32_t width = 512, height = 512, depth = 4, threads = 0;
+  uint64_t seed = 1;
+  bool drop_bad = false;
+  std::optional<std::string> heat, heat_structures;
+  std::string heat_scale = "auto";
+  PictureOptions picture;
+};
+
+/// "640x480", each side 1 to 16384.
+void ParseSize(const std::string& text, RenderOptions& options) {
+  const size_t by = text.find('x');
+  const auto side = [](std::string_view digits) {
+    return ParseWholeNumber(digits, Units::kNone).value_or(0);
+  };
+  const uint64_t width = side(text.substr(0, by)), height = by == text.npos ? 0 : side(text.substr(by + 1));
+  if (width < 1 || height < 1 || width > 16384 || height > 16384)
+    throw InputError(fmt::format("--size {}: write WIDTHxHEIGHT, each 1 to 16384", text));
+  options.width = uint32_t(width), options.height = uint32_t(height);
+}
+
+/// Before any work: that the file, and pictures at all, can be written.
+void CheckOut(const std::string& out) {
+  const fs::path path(out), folder = path.has_parent_path() ? path.parent_path() : fs::path(".");
+  const std::string extension = path.extension().string();
+  if (extension != ".png" && extension != ".exr")
+    throw InputError(fmt::format("{}: unknown picture format '{}'; allowed: .png, .exr", out, extension));
+  std::error_code error;
+  if (!fs::is_directory(folder, error))
+    throw InputError(fmt::format("{}: cannot be written: {} is not a directory", out, folder.string()));
+  LoadImageLibrary();
+}
+
+RenderHeatOptions HeatOptionsOf(const Registry& registry, const RenderOptions& options) {
+  RenderHeatOptions heat;
+  heat.scene_name = options.scene;
+  heat.out = options.out;
+  heat.kind = *options.heat;
+  heat.scale = options.heat_scale;
+  heat.contestants = HeatContestants(
+      registry, options.heat_structures ? SplitSpecs(*options.heat_structures) : std::vector<std::string>());
+  heat.width = options.width, heat.height = options.height;
+  heat.depth = options.depth;
+  heat.threads = options.threads;
+  heat.seed = options.seed;
+  return heat;
+}
+
+int RenderCommand(const Registry& registry, const RenderOptions& options) {
+  CheckOut(options.out);
+  const Contestant contestant = ParseContestant(registry, options.structure);
+  std::optional<RenderHeatOptions> heat;
+  if (options.heat) heat = HeatOptionsOf(registry, options);
+  TraceOptions trace;
+  trace.width = options.width, trace.height = options.height;
+  trace.max_depth = options.depth;
+  trace.threads = options.threads;
+  SetTraceOptions(options.picture, trace);
+  LoadOptions load;
+  load.seed = options.seed;
+  load.drop_bad = options.drop_bad;
+  load.keep_unread = trace.all_needs;
+  Scene scene = LoadWithProgress(options.scene, load);
+  if (scene.primitive_count() == 0)
+    throw InputError(fmt::format("scene '{}' has no primitives", options.scene));
+  for (const std::string& note : scene.stats.notes) fmt::print("{}: {}\n", options.scene, note);
+  if (heat) return RenderHeat(registry, scene, *heat);
+  if (scene.procedural_count() > 0 && (contestant.structure->capabilities & RB_CAN_PROCEDURAL) == 0) {
+    throw InputError(
+        fmt::format("structure '{}' takes triangles only, but scene '{}' has procedural primitives",
+                    contestant.structure->name, options.scene));
+  }
+  SetBackground(options.picture, scene);
+  const rb_build_options build =
+      BuildOptions(options.threads, options.seed, BuildNeedsOf(scene, trace, *contestant.structure));
+  const rb_geometry geometry = scene.Geometry();
+  const Stopwatch build_watch(true);
+  const Tree tree(contestant, geometry, build);
+  const double build_seconds = build_watch.Elapsed().wall;
+  Progress progress;
+  trace.progress = [&](double fraction) { ThrowIfInterrupted(), progress.Update(fraction, "rendering"); };
+  const Stopwatch trace_watch(true);
+  const TraceResult result = Trace(scene, tree, trace);
+  const double trace_seconds = trace_watch.Elapsed().wall;
+  ThrowIfInterrupted();
+  WriteImage(result.image, options.out, SoftwareName());
+  progress.Clear();
+  fmt::print("{}: {} x {}, {} built in {:.3f} s, traced and shaded in {:.3f} s\n", options.out, options.width,
+             options.height, contestant.Spec(), build_seconds, trace_seconds);
+  fmt::print("scene: {:.1f} MB\n", double(BytesOf(scene)) * 1e-6);
+  fmt::print("rays: {} camera, {} shadow, {} reflection, {} refraction\n", result.camera_rays,
+             result.shadow_rays, result.reflection_rays, result.refraction_rays);
+  fmt::print("hits: {} camera, {} shadow, {} reflection, {} refraction; shadow rays went on {} times\n",
+             result.camera_hits, result.shadow_blocked, result.reflection_hits, result.refraction_hits,
+             result.shadow_resumed);
+  return 0;
+}
+
+}  // namespace
+
+void AddRenderCommand(CLI::App& app, Invocation& invocation) {
+  AddCommand<RenderOptions>(
+      app, invocation, "render", "Render one picture, or what traversal costs per pixel",
+      [](CLI::App& command, RenderOptions& render) {
+        command.add_option("scene", render.scene, "What to render")->required()->type_name("SCENE");
+        CLI::Option* structure =
+            command.add_option("--structure", render.structure, "What answers the rays; default bvh_sah")
+                ->type_name("A(X=1)");
+        command.add_option("-o,--out", render.out, "Picture to write, .png or .exr")
+            ->required()
+            ->type_name("FILE");
+        command.add_option("--size", render.size, "Pixels; default 512x512")->type_name("WxH");
+        command.add_option("--depth", render.depth, "Reflections and refractions in a row; default 4")
+            ->transform(WholeNumber(0, 64))
+            ->type_name("N");
+        command.add_option("--threads", render.threads, "Threads; default all")
+            ->transform(WholeNumber(1, 1024))
+            ->type_name("N");
+        command.add_option("--seed", render.seed, "Seed of generators; default 1")
+            ->transform(WholeNumber())
+            ->type_name("N");
+        command.add_flag("--drop-bad", render.drop_bad,
+                         "Leave out bad triangles instead of refusing the file");
+        CLI::Option* heat =
+            command
+                .add_option(
+                    "--heat", render.heat,
+                    "Colour each pixel by what its camera ray costs: traversal steps, primitive tests "
+                    "or both, on one scale for all structures. A .png is a sheet with legends; an .exr "
+                    "holds the picture and the raw counts as channels STRUCTURE.steps and "
+                    "STRUCTURE.prims")
+                ->check(CLI::IsMember({"steps", "prims", "both"}))
+                ->excludes(structure)
+                ->type_name("KIND");
+        command
+            .add_option("--structures", render.heat_structures,
+                        "What --heat compares; default: all that count, but for null and brute")
+            ->needs(heat)
+            ->type_name("A,B(X=1)");
+        command
+            .add_option(
+                "--heat-scale", render.heat_scale,
+                "Colours of the sheet: linear, log or auto (log where costs differ much); default auto")
+            ->check(CLI::IsMember({"linear", "log", "auto"}))
+            ->needs(heat)
+            ->type_name("SCALE");
+        for (CLI::Option* option : AddPictureOptions(command, render.picture)) option->excludes(heat);
+        command.footer(
+            "raybench render sponza --samples 4 --filter mitchell --adaptive 0.05 -o sponza.png\n"
+            "raybench render engine --heat both --structures \"bvh_sah,bvh_sah(numerics=fast)\" -o heat.png");
+      },
+      [](RenderOptions& options, const Registry& registry) {
+        if (!options.size.empty()) ParseSize(options.size, options);
+        return RenderCommand(registry, options);
+      });
+}
+
+}  // namespace raybench

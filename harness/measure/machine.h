@@ -1,0 +1,31 @@
+// What a result depends on besides the code under test: machine, compiler, flags, libraries, commit.
+#pragma once
+
+#include <string>
+
+#include "harness/base/json.h"
+
+namespace raybench {
+
+/// CPU, cores, memory, operating system, as found at run time. What cannot be found is null.
+Json MachineFacts();
+/// Version, commit, compiler, flags.
+Json BuildFacts();
+/// Versions of the libraries, and instruction sets where they choose one at run time.
+Json LibraryFacts();
+/// For --version: all of that in a few lines, and the licence note.
+std::string VersionText();
+/// "raybench 0.1.0", for the metadata of pictures and files.
+std::string SoftwareName();
+/// Whether the exact oracle over CGAL is built in.
+bool HasCgalOracle();
+
+/// Bytes that this process may take at most: the machine's memory, or what its cgroup or `ulimit -v` leaves.
+uint64_t UsableMemory();
+/// Bytes of this process resident now, and the most since ResetPeakMemory(); 0 when the system does not tell.
+uint64_t ResidentMemory();
+uint64_t PeakMemory();
+/// False when the system does not allow it; PeakMemory() means nothing then.
+bool ResetPeakMemory();
+
+}  // namespace raybench

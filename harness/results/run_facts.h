@@ -1,0 +1,22 @@
+// What run.json says of scenes, structures and options.
+#pragma once
+
+#include "accel/host/registry.h"
+#include "datasets/scene/facts.h"
+#include "datasets/scene/needs.h"
+#include "datasets/scene/scene.h"
+#include "harness/base/json.h"
+#include "harness/plan/plan.h"
+
+namespace raybench {
+
+Json FactsOf(const Scene& scene);
+/// The object `needs`: each decision as {"needed", "why"}, then what the shape asks of float; null: there is
+/// nothing to measure.
+Json FactsOf(const SceneNeeds& needs, const Scene& scene, const SceneFacts& facts);
+Json FactsOf(const Contestant& contestant, const Registry& registry);
+Json FactsOf(const RunOptions& options);
+/// How times were taken.
+Json TimingFacts(const RunOptions& options);
+
+}  // namespace raybench

@@ -1,0 +1,124 @@
+// Truth for a ray: exact, and independent of every structure under test.
+//
+// This header knows nothing of CGAL. The implementation over CGAL's AABB tree lives in a library of its own
+// (raybench_oracle, GPL through CGAL); a build without it finds candidates by a tree of its own, and says so.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "datasets/scene/scene.h"
+
+namespace raybench {
+
+enum class Feature : uint8_t { kInterior, kEdge, kVertex };
+
+/// What is exactly true of one ray over its interval (tnear, tfar].
+struct Truth {
+  bool hit = false;
+  bool coplanar = false;  ///< the ray lies in the plane of a triangle or polygon it meets, or in a cone's
+                          ///< side: hit and miss are both right for it; such a primitive is never in `tied`
+  double t = 0;           ///< exact t of the nearest hit, rounded to double
+  float t_rounded = 0;    ///< the exact t correctly rounded to float (ties to even; it is at most tfar and
+                          ///< finite); the float after tnear where that is tnear, which no answer may be
+  uint32_t first = RAYBENCH_NONE;  ///< lowest id of all primitives whose t, so rounded, is t_rounded: the
+                                   ///< answer by the contract's order (float t, prim), perhaps not in `tied`
+  std::vector<uint32_t> tied;      ///< every primitive hit at exactly that t, ascending; empty on a miss
+  Feature feature = Feature::kInterior;  ///< where the lowest of them is hit
+};
+
+enum class Verdict : uint8_t {
+  kExact,      ///< the lowest id of the tied set, t correct (a miss where truth is a miss); what IsStrict()
+               ///< accepts
+  kTie,        ///< another member of the tied set, t correct
+  kNeighbour,  ///< shares a vertex with a true primitive, edge functions within the error bound, t within
+               ///< twice the sum of both primitives' errors of t (either plane may be off at the ray)
+  kLeak,       ///< went through a closed surface at an interior edge or vertex that was crossed transversally
+  kWrong,
+  kWrongMarginal,
+  kFalseMiss,
+  kFalseMissMarginal,
+  kFalseHit,
+  kFalseHitMarginal,
+  kCount
+};
+const char* VerdictName(
+    Verdict verdict);  ///< "exact", "tie", "neighbour", "leak", "wrong", "wrong_marginal", ...
+
+/// How many rays of a set fell into each class, and the errors of t among the right hits.
+struct VerdictCounts {
+  uint64_t rays = 0;
+  uint64_t by_class[size_t(Verdict::kCount)] = {};
+  uint64_t strict = 0;  ///< answers, all of class exact, that are the one which `exact` promises: IsStrict()
+  double t_error_p50 = 0, t_error_p99 = 0,
+         t_error_max = 0;  ///< ulp of float; over exact, tie and neighbour hits
+
+  uint64_t operator[](Verdict v) const { return by_class[size_t(v)]; }
+  uint64_t plain_errors() const;  ///< wrong + false_miss + false_hit, not marginal
+  uint64_t leaks() const { return (*this)[Verdict::kLeak]; }
+};
+
+/// How many rays of a set `run` and `verify` give to Audit().
+inline constexpr uint64_t kAuditedRays = 64;
+
+class Oracle {
+ public:
+  virtual ~Oracle() = default;
+  /// Truth of each ray, in parallel over at most `threads` (0: all). Rays must be valid (see IsValidRay).
+  virtual std::vector<Truth> Ask(std::span<const rb_ray> rays, uint32_t threads) const = 0;
+  /// True if the answer is, to the bit, what a structure claiming `exact` must give: (first, t_rounded), or a
+  /// miss where truth is a miss. A triangle in whose plane the ray lies may be answered in place of either.
+  virtual bool IsStrict(const rb_ray& ray, const Truth& truth, const rb_hit& answer) const = 0;
+  /// Judges a closest-hit answer.
+  virtual Verdict Judge(const rb_ray& ray, const Truth& truth, const rb_hit& answer) const = 0;
+  /// Judges an any-hit answer: occluded must equal truth.hit; else false_hit/false_miss (marginal) or leak.
+  virtual Verdict JudgeAny(const rb_ray& ray, const Truth& truth, bool occluded) const = 0;
+  /// Derives the truth of `count` of these rays, chosen by `seed`, a second time by arithmetic that shares
+  /// nothing with Ask() but the search for triangles near the ray; where there are procedural primitives,
+  /// only what is true of the triangles among them. Returns how many it was: all if they are
+  /// fewer than `count`, 0 from an oracle that has no second arithmetic. Throws std::logic_error with the
+  /// ray, its numbers in hexadecimal, where the two disagree; then no verdict may be trusted.
+  virtual uint64_t Audit(std::span<const rb_ray> rays, std::span<const Truth> truth, uint64_t seed,
+                         uint64_t count) const;
+  virtual std::string Name() const = 0;  ///< such as "cgal 5.5.1 (epick, exact order)"
+  virtual bool Exact() const = 0;
+};
+
+/// Exact oracle over CGAL's AABB tree for triangles, ExactTruth for procedural primitives. Null when the
+/// build has no CGAL. The scene must outlive any oracle, unmoved.
+std::unique_ptr<Oracle> MakeCgalOracle(const Scene& scene);
+/// Exact oracle by ExactTruth alone.
+std::unique_ptr<Oracle> MakeBoxOracle(const Scene& scene);
+/// The one over CGAL, or the other in a build without.
+std::unique_ptr<Oracle> MakeOracle(const Scene& scene);
+
+/// Judges all answers of a set; hits for RB_CLOSEST sets, occluded for RB_ANY. `verdicts`, if not null,
+/// becomes the class of each.
+VerdictCounts JudgeAll(const Oracle& oracle, uint32_t query_kind, std::span<const rb_ray> rays,
+                       std::span<const Truth> truth, std::span<const rb_hit> hits,
+                       std::span<const uint8_t> occluded, uint32_t threads,
+                       std::vector<Verdict>* verdicts = nullptr);
+
+/// Where the ray ends: at tfar, or where t is no float any more. By the contract a hit with no finite t is
+/// none: whoever says what is true keeps to this, oracles and audit.
+inline float LastT(const rb_ray& ray) { return std::min(ray.tfar, std::numeric_limits<float>::max()); }
+
+/// Whether an answer of this class has an error of t: it is right, and one t is. On a ray that lies in the
+/// plane of what it meets, many are.
+inline bool HasErrorOfT(const Truth& truth, Verdict verdict) {
+  return truth.hit && !truth.coplanar && verdict <= Verdict::kNeighbour;
+}
+
+/// |answer - truth| in ulp of float at the truth.
+double ErrorInUlp(float answer, double truth);
+
+/// True if a tree claiming `claim` may not give these answers: EXACT allows only strict ones; WATERTIGHT no
+/// leak and no plain error; the others allow all.
+bool BreaksClaim(uint32_t claim, const VerdictCounts& counts);
+
+}  // namespace raybench

@@ -1,0 +1,545 @@
+// How an answer is judged.
+//
+// Float arithmetic cannot decide which side of an edge a ray passes when it passes within the arithmetic's
+// error. So an answer is not compared with the truth alone, but with everything a *sound* float test may say,
+// and only what no sound test may say is an error. Sound means: the answer is exactly right for a mesh whose
+// vertices have been moved by less than the error bound, each vertex in the same way for all triangles around
+// it. Woop's watertight test is of this kind (Woop, Benthin, Wald 2013).
+//
+// The bound. u = 2^-24. In Woop's coordinates, relative to the origin o and sheared so that the ray becomes
+// the z axis, a vertex p has A = p - o and x = A.x - Sx A.z with |Sx| <= 1. In float, A errs by u|A| in each
+// component, Sx by u|Sx|, the product by u more, the final difference by u(|A.x| + |Sx A.z|), so that to
+// first order
+//     |dx| <= 2u|A.x| + 4u|Sx A.z|;   we allow 4u(|A.x| + |Sx A.z|), and likewise for y.
+// The edge function U = Cx By - Cy Bx then errs by at most
+//     |Cx| dBy + |By| dCx + |Cy| dBx + |Bx| dCy + dCx dBy + dCy dBx + 2u(|Cx By| + |Cy Bx|),
+// the last term being the rounding of two products and a difference (Woop's test has none in the sign); we
+// allow 4u there. The exact side is evaluated in double, whose error is 2^-29 of these bounds. t = (U zA + V
+// zB + W zC) / (U + V + W) is an average of the vertices' z with weights of one sign. It errs by the weights'
+// errors,
+//     (sum of bound_i |z_i - t|) / (|U + V + W| - sum of bound_i),
+// and by rounding, 12u max|z_i|; never by more than the range of the z_i, however grazing. Our tests then
+// clamp t to the slab interval of the primitive's box, which contains the exact t up to 3u|t| and so adds
+// nothing above the 8 ulp that are always allowed.
+//
+// A primitive is *possible* if its edge functions have one sign within their bounds and its sheared box,
+// widened by dx and dy, holds the ray. An answer is *plausible* if it names a possible primitive and a t
+// within that primitive's error.
+//
+// Classes of a closest hit, in the order they are tried:
+// - strict, counted as exact: what the contract asks of exact arithmetic, to the bit. t is the exact t
+// rounded
+//   to float, and of the primitives whose t round to the same the lowest id wins, be they tied exactly or
+//   not; or truth is a miss and so is the answer. A triangle in whose plane the ray lies is as right as a
+//   miss, at every t at which the ray is inside it.
+// - malformed: a non-finite t, t outside (tnear, tfar], an unknown primitive, a miss with t != tfar. Plain.
+// - exact, tie: a primitive of the tied set with t within the error.
+// - wrong, plain: both hit, and the answer is not plausible.
+// - false hit: truth is a miss. Plausible: the ray misses that primitive exactly and passes within the bound
+// of
+//   it; were the edge interior and transversal, the truth would lie there. So this is a silhouette, a
+//   boundary, or an end of the interval: marginal. Else plain.
+// - leak, wrong, false miss: the answer lies behind the truth, or is a miss, and the worst of the true hits
+// that
+//   it has *passed* (below) decides: leak, plain, or marginal.
+// - neighbour: none of these, shares a vertex (by position) with a primitive of the tied set, and t agrees
+// with
+//   the true one within twice the sum of both errors (each plane is off at the ray).
+// - wrong, marginal: the rest, be it nearer than the truth (as for a false hit) or behind it.
+//
+// An answer, or a miss, has passed a true hit if every sound test reports a hit before it. It is
+// - marginal if that surface can be slipped past (below), within the part of it whose t, with its error, lies
+// in
+//   the interval and before the answer;
+// - else a leak if the ray passes within the bound of an edge or vertex;
+// - else plain: the ray meets the triangle clear of its edges.
+//
+// Can the surface be slipped past? Take the patch: the triangle, and repeatedly all triangles at every edge
+// within the bound of the ray. Moving the vertices by less than the bound cannot carry the ray across any
+// other edge. So if a subset of the patch has no boundary (mod 2) among the near edges and covers the ray an
+// odd number of times, it still covers the ray after any such move: the degree of a map is invariant under
+// homotopy. The surface is then *sealed*, and a sound test reports one of the subset, at a t within that
+// triangle's error. So the subset may use only triangles that end before the answer: at the edge of a tread,
+// seen from above, the step below may be answered, since only the riser, which reaches down to it, seals the
+// gap; but a fin that hangs behind a flat surface's edge may not, since the surface seals without it. At an
+// edge inside a surface that crosses the ray's plane, the two triangles are such a subset; at a silhouette
+// the pair covers the ray 0 or 2 times; at a boundary edge there is no such subset; at a vertex the closed
+// fan counts with its winding number. Duplicates, fins and inconsistent orientation need no special case.
+// Whether such a subset exists is linear algebra
+// over GF(2): with a row for each near edge (which triangles of the patch have it) and c telling which
+// triangles cover the ray, both cut down to the triangles that may be used, it exists exactly if c is no sum
+// of rows. How often a triangle covers the ray is counted by edge crossings with a half-open rule, in double:
+// the same vertex gives the same coordinates everywhere, so this is itself one of the allowed moves.
+//
+// Any-hit answers follow the same rules: a false hit is marginal if some plausible hit exists in the
+// interval.
+#include "harness/truth/verdict.h"
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <numeric>
+
+#include "accel/base/float_state.h"
+#include "accel/ray/exact.h"
+
+namespace raybench {
+namespace {
+
+constexpr double kU = 0x1p-24;
+constexpr double kTiny = 0x1p-148;  // rounding of subnormal floats
+constexpr size_t kPatchLimit = 512;
+
+exact::Corners Points(const Scene& scene, uint32_t triangle) {
+  const auto& v = scene.triangles[triangle];
+  return {ToDouble(scene.positions[v[0]]), ToDouble(scene.positions[v[1]]), ToDouble(scene.positions[v[2]])};
+}
+
+/// A triangle in Woop's coordinates, with the errors that float arithmetic may have made.
+struct Sheared {
+  double x[3], y[3], z[3];  // z in units of t
+  double dx[3], dy[3];
+  double edge[3], bound[3];  // edge i lies opposite vertex i
+
+  Sheared(const rb_ray& ray, const exact::Corners& p) {
+    const Vec3d o = ToDouble(LoadVec3(ray.org)), d = ToDouble(LoadVec3(ray.dir));
+    int kz = 0;
+    for (int k = 1; k < 3; ++k)
+      if (std::fabs(d[k]) > std::fabs(d[kz])) kz = k;
+    const int kx = (kz + 1) % 3, ky = (kz + 2) % 3;
+    const double sx = d[kx] / d[kz], sy = d[ky] / d[kz];
+    for (size_t i = 0; i < 3; ++i) {
+      const Vec3d a = p[i] - o;
+      x[i] = a[kx] - sx * a[kz], dx[i] = 4 * kU * (std::fabs(a[kx]) + std::fabs(sx * a[kz])) + kTiny;
+      y[i] = a[ky] - sy * a[kz], dy[i] = 4 * kU * (std::fabs(a[ky]) + std::fabs(sy * a[kz])) + kTiny;
+      z[i] = a[kz] / d[kz];
+    }
+    for (int i = 0; i < 3; ++i) {
+      const int b = (i + 1) % 3, c = (i + 2) % 3;
+      const double first = x[c] * y[b], second = y[c] * x[b];
+      edge[i] = first - second;
+      bound[i] = std::fabs(x[c]) * dy[b] + std::fabs(y[b]) * dx[c] + std::fabs(y[c]) * dx[b] +
+                 std::fabs(x[b]) * dy[c] + dx[c] * dy[b] + dy[c] * dx[b] +
+                 4 * kU * (std::fabs(first) + std::fabs(second)) + kTiny;
+    }
+  }
+
+  /// The ray lies in the widened box of these vertices.
+  bool BoxHolds(std::initializer_list<int> vertices) const {
+    bool left = false, right = false, below = false, above = false;
+    for (int i : vertices) {
+      left |= x[i] - dx[i] <= 0, right |= x[i] + dx[i] >= 0;
+      below |= y[i] - dy[i] <= 0, above |= y[i] + dy[i] >= 0;
+    }
+    return left && right && below && above;
+  }
+  bool NearEdge(int i) const {
+    return std::fabs(edge[i]) <= bound[i] && BoxHolds({(i + 1) % 3, (i + 2) % 3});
+  }
+  bool Possible() const {
+    bool positive = true, negative = true;
+    for (int i = 0; i < 3; ++i) positive &= edge[i] >= -bound[i], negative &= edge[i] <= bound[i];
+    return (positive || negative) && BoxHolds({0, 1, 2});
+  }
+  /// Parity of how often the triangle covers the ray.
+  bool Covers() const {
+    bool odd = false;
+    for (int a = 0; a < 3; ++a) {
+      const int b = (a + 1) % 3;
+      const double turn = x[a] * y[b] - y[a] * x[b];
+      if (y[a] <= 0 && y[b] > 0) odd ^= turn > 0;
+      if (y[b] <= 0 && y[a] > 0) odd ^= turn < 0;
+    }
+    return odd;
+  }
+  Appraisal Appraise() const {
+    Appraisal result;
+    result.possible = Possible();
+    const double det = edge[0] + edge[1] + edge[2], slack = bound[0] + bound[1] + bound[2];
+    const auto [lo, hi] = std::minmax({z[0], z[1], z[2]});
+    const double rounding = 12 * kU * std::max(std::fabs(lo), std::fabs(hi));
+    result.t = 0.5 * (lo + hi), result.t_error = 0.5 * (hi - lo) + rounding;
+    if (std::fabs(det) <= 2 * slack) return result;
+    double t = 0, weighted = 0;
+    for (int i = 0; i < 3; ++i) t += edge[i] * z[i];
+    t /= det;
+    for (int i = 0; i < 3; ++i) weighted += bound[i] * std::fabs(z[i] - t);
+    const double error = weighted / (std::fabs(det) - slack) + rounding;
+    if (error < result.t_error) result.t = t, result.t_error = error;
+    return result;
+  }
+};
+
+/// Rows over GF(2); true if `target` is a sum of `rows`.
+bool InSpan(std::vector<std::vector<uint64_t>> rows, std::vector<uint64_t> target) {
+  for (size_t used = 0, bit = 0; bit < target.size() * 64; ++bit) {
+    const size_t word = bit / 64;
+    const uint64_t mask = uint64_t{1} << (bit % 64);
+    const auto pivot =
+        std::find_if(rows.begin() + ptrdiff_t(used), rows.end(), [&](auto& r) { return r[word] & mask; });
+    if (pivot == rows.end()) {
+      if (target[word] & mask) return false;
+      continue;
+    }
+    std::swap(*pivot, rows[used]);
+    const auto add = [&](std::vector<uint64_t>& to) {
+      for (size_t w = 0; w < to.size(); ++w) to[w] ^= rows[used][w];
+    };
+    for (size_t r = used + 1; r < rows.size(); ++r)
+      if (rows[r][word] & mask) add(rows[r]);
+    if (target[word] & mask) add(target);
+    ++used;
+  }
+  return true;
+}
+
+/// Where a float test may put the t of a hit.
+struct Range {
+  double lo, hi;
+
+  Range(double t, double error)
+      : lo(t - std::max(error, EightUlp(t))), hi(t + std::max(error, EightUlp(t))) {}
+  /// Any sound test reports such a hit, and before `end`.
+  bool Surely(const rb_ray& ray, double end) const { return lo > ray.tnear && hi < end; }
+};
+
+/// What surrounds a true hit within the error bound.
+struct Patch {
+  bool near_edge = false;  // the hit itself is within the bound of an edge
+  bool sealed = false;     // by triangles that any sound test reports before `end`
+};
+
+Patch Surround(const Scene& scene, const Adjacency& adjacency, const rb_ray& ray, uint32_t triangle,
+               double end) {
+  Patch patch;
+  std::vector<uint32_t> members = {adjacency.Representative(triangle)};
+  std::vector<Sheared> shapes;
+  std::vector<std::pair<uint32_t, uint32_t>> edges;
+  for (size_t m = 0; m < members.size(); ++m) {
+    const Sheared& shape = shapes.emplace_back(ray, Points(scene, members[m]));
+    const Adjacency::Corners corners = adjacency.CornersOf(members[m]);
+    for (size_t i = 0; i < 3; ++i) {
+      if (!shape.NearEdge(int(i))) continue;
+      patch.near_edge |= m == 0;
+      const auto edge = std::minmax(corners[(i + 1) % 3], corners[(i + 2) % 3]);
+      if (std::find(edges.begin(), edges.end(), std::pair<uint32_t, uint32_t>(edge)) != edges.end()) continue;
+      edges.push_back(edge);
+      for (uint32_t other : adjacency.Around(edge.first)) {
+        const auto c = adjacency.CornersOf(other);
+        if (std::find(c.begin(), c.end(), edge.second) == c.end()) continue;
+        if (std::find(members.begin(), members.end(), other) == members.end()) members.push_back(other);
+      }
+      // The error spans half the mesh: nothing can be asked of float arithmetic here.
+      if (members.size() > kPatchLimit) return patch;
+    }
+  }
+  const size_t words = (members.size() + 63) / 64;
+  std::vector<uint64_t> covers(words);
+  std::vector<std::vector<uint64_t>> rows(edges.size(), std::vector<uint64_t>(words));
+  for (size_t m = 0; m < members.size(); ++m) {
+    const Appraisal appraisal = shapes[m].Appraise();
+    if (!Range(appraisal.t, appraisal.t_error).Surely(ray, end)) continue;
+    const uint64_t mask = uint64_t{1} << (m % 64);
+    if (shapes[m].Covers()) covers[m / 64] |= mask;
+    const auto c = adjacency.CornersOf(members[m]);
+    for (size_t e = 0; e < edges.size(); ++e) {
+      const auto has = [&](uint32_t position) { return std::find(c.begin(), c.end(), position) != c.end(); };
+      if (has(edges[e].first) && has(edges[e].second)) rows[e][m / 64] |= mask;
+    }
+  }
+  patch.sealed = !InSpan(std::move(rows), std::move(covers));
+  return patch;
+}
+
+double UlpOfFloat(double t) {
+  const float f = std::fabs(float(t));
+  return f < std::numeric_limits<float>::min() ? 0x1p-149 : std::ldexp(1.0, std::ilogb(f) - 23);
+}
+
+}  // namespace
+
+double EightUlp(double t) { return 8 * UlpOfFloat(t); }
+
+double ErrorInUlp(float answer, double truth) { return std::fabs(answer - truth) / UlpOfFloat(truth); }
+
+float AnswerableT(float t, const rb_ray& ray) {
+  return t == ray.tnear ? std::nextafterf(t, std::numeric_limits<float>::infinity()) : t;
+}
+
+Adjacency::Adjacency(const Scene& scene) : scene_(scene) {
+  const size_t vertices = scene.positions.size(), triangles = scene.triangles.size();
+  // Position ids: vertices sorted by bits (-0 counted as 0); equal ones share the lowest index.
+  const auto key = [&](uint32_t v) {
+    const Vec3f p = scene.positions[v] + Vec3f{0, 0, 0};
+    return std::array<uint32_t, 3>{std::bit_cast<uint32_t>(p.x), std::bit_cast<uint32_t>(p.y),
+                                   std::bit_cast<uint32_t>(p.z)};
+  };
+  std::vector<uint32_t> order(vertices);
+  std::iota(order.begin(), order.end(), 0u);
+  std::sort(order.begin(), order.end(), [&](uint32_t a, uint32_t b) {
+    const auto ka = key(a), kb = key(b);
+    return ka != kb ? ka < kb : a < b;
+  });
+  position_.resize(vertices);
+  for (size_t i = 0; i < vertices; ++i)
+    position_[order[i]] = i > 0 && key(order[i - 1]) == key(order[i]) ? position_[order[i - 1]] : order[i];
+
+  const auto sorted = [&](uint32_t t) {
+    auto c = CornersOf(t);
+    std::sort(c.begin(), c.end());
+    return c;
+  };
+  order.resize(triangles);
+  std::iota(order.begin(), order.end(), 0u);
+  std::sort(order.begin(), order.end(), [&](uint32_t a, uint32_t b) {
+    const auto ka = sorted(a), kb = sorted(b);
+    return ka != kb ? ka < kb : a < b;
+  });
+  representative_.resize(triangles);
+  for (size_t i = 0; i < triangles; ++i)
+    representative_[order[i]] =
+        i > 0 && sorted(order[i - 1]) == sorted(order[i]) ? representative_[order[i - 1]] : order[i];
+
+  first_.assign(vertices + 1, 0);
+  const auto distinct = [&](auto&& fn) {
+    for (uint32_t t = 0; t < triangles; ++t)
+      if (representative_[t] == t)
+        for (uint32_t c : CornersOf(t)) fn(t, c);
+  };
+  distinct([&](uint32_t, uint32_t c) { ++first_[c + 1]; });
+  std::partial_sum(first_.begin(), first_.end(), first_.begin());
+  fan_.resize(first_[vertices]);
+  std::vector<uint32_t> next(first_.begin(), first_.end() - 1);
+  distinct([&](uint32_t t, uint32_t c) { fan_[next[c]++] = t; });
+}
+
+Adjacency::Corners Adjacency::CornersOf(uint32_t triangle) const {
+  const auto& v = scene_.triangles[triangle];
+  return {position_[v[0]], position_[v[1]], position_[v[2]]};
+}
+
+std::vector<Truth> JudgingOracle::Ask(std::span<const rb_ray> rays, uint32_t threads) const {
+  std::vector<Truth> truth(rays.size());
+  ParallelFor(rays.size(), threads, [&](size_t i) {
+    truth[i] = AskTriangles(rays[i]);
+    others_.Join(rays[i], truth[i]);
+  });
+  return truth;
+}
+
+std::vector<TrueHit> JudgingOracle::AllHits(const rb_ray& ray) const {
+  std::vector<TrueHit> hits = TriangleHits(ray);
+  for (const ExactTruth::Meeting& m : others_.All(ray)) hits.push_back({m.prim, m.t.v});
+  return hits;
+}
+
+Appraisal JudgingOracle::Appraise(const rb_ray& ray, uint32_t prim, int root) const {
+  if (prim >= scene_.triangles.size()) return AppraiseProcedural(scene_, ray, prim, root);
+  return Sheared(ray, Points(scene_, prim)).Appraise();
+}
+
+Appraisal JudgingOracle::AppraiseAt(const rb_ray& ray, uint32_t prim, double t) const {
+  const Appraisal first = Appraise(ray, prim, 0);
+  if (RootCount(scene_, prim) == 1) return first;
+  const Appraisal second = Appraise(ray, prim, 1);
+  if (first.possible != second.possible) return first.possible ? first : second;
+  return std::fabs(first.t - t) <= std::fabs(second.t - t) ? first : second;
+}
+
+bool JudgingOracle::SharesVertex(uint32_t prim, const std::vector<uint32_t>& others) const {
+  if (prim >= scene_.triangles.size()) return false;
+  const auto c = adjacency_.CornersOf(prim);
+  uint32_t last = RAYBENCH_NONE;  // runs of copies are looked at once
+  for (uint32_t other : others) {
+    if (other >= scene_.triangles.size()) break;
+    if (adjacency_.Representative(other) == last) continue;
+    last = adjacency_.Representative(other);
+    for (uint32_t p : adjacency_.CornersOf(other))
+      if (std::find(c.begin(), c.end(), p) != c.end()) return true;
+  }
+  return false;
+}
+
+bool JudgingOracle::AcceptedInPlane(const rb_ray& ray, const Truth& truth, const rb_hit& answer) const {
+  if (!truth.coplanar || answer.prim >= scene_.primitive_count() || !std::isfinite(answer.t) ||
+      !(answer.t > ray.tnear && answer.t <= ray.tfar) ||
+      (truth.hit && answer.t > truth.t + EightUlp(truth.t))) {
+    return false;
+  }
+  if (answer.prim >= scene_.triangles.size()) return LiesInSurface(scene_, ray, answer.prim, answer.t);
+  const exact::Line line(ray);
+  const exact::Corners p = Points(scene_, answer.prim);
+  const double slack = EightUlp(answer.t);
+  return exact::Meet(line, p) == exact::Meeting::kInPlane &&
+         exact::MeetsInPlane(line, p, float(answer.t - slack), float(answer.t + slack));
+}
+
+JudgingOracle::Excuse JudgingOracle::Passed(const rb_ray& ray, const TrueHit& hit, double end) const {
+  if (hit.prim >= scene_.triangles.size()) {
+    const Appraisal appraisal = AppraiseAt(ray, hit.prim, hit.t);
+    return !appraisal.grazing && Range(hit.t, appraisal.t_error).Surely(ray, end) ? Excuse::kPlain
+                                                                                  : Excuse::kMarginal;
+  }
+  const Patch patch = Surround(scene_, adjacency_, ray, hit.prim, end);
+  if (!patch.sealed) return Excuse::kMarginal;
+  return patch.near_edge ? Excuse::kLeak : Excuse::kPlain;
+}
+
+JudgingOracle::Excuse JudgingOracle::PassedBefore(const rb_ray& ray, double end) const {
+  Excuse worst = Excuse::kMarginal;
+  for (const TrueHit& hit : AllHits(ray)) {
+    if (hit.t >= end) continue;
+    const Excuse excuse = Passed(ray, hit, end);
+    if (excuse == Excuse::kLeak) return excuse;
+    if (excuse == Excuse::kPlain) worst = excuse;
+  }
+  return worst;
+}
+
+bool JudgingOracle::Agree(const rb_ray& ray, const TrueHit& hit, const rb_hit& answer) const {
+  const Appraisal a = AppraiseAt(ray, hit.prim, hit.t), b = AppraiseAt(ray, answer.prim, answer.t);
+  return std::fabs(answer.t - hit.t) <= std::max(EightUlp(hit.t), 2 * (a.t_error + b.t_error));
+}
+
+bool JudgingOracle::IsStrict(const rb_ray& ray, const Truth& truth, const rb_hit& answer) const {
+  if (answer.prim == RAYBENCH_NONE) return !truth.hit && answer.t == ray.tfar;
+  return (truth.hit && answer.prim == truth.first && answer.t == truth.t_rounded) ||
+         AcceptedInPlane(ray, truth, answer);
+}
+
+Verdict JudgingOracle::Judge(const rb_ray& ray, const Truth& truth, const rb_hit& answer) const {
+  if (IsStrict(ray, truth, answer)) return Verdict::kExact;
+  if (answer.prim == RAYBENCH_NONE) {
+    if (!(answer.t == ray.tfar)) return truth.hit ? Verdict::kFalseMiss : Verdict::kFalseHit;
+    const Excuse excuse = PassedBefore(ray, LastT(ray));
+    return excuse == Excuse::kLeak    ? Verdict::kLeak
+           : excuse == Excuse::kPlain ? Verdict::kFalseMiss
+                                      : Verdict::kFalseMissMarginal;
+  }
+  const Verdict plain = truth.hit ? Verdict::kWrong : Verdict::kFalseHit;
+  if (answer.prim >= scene_.primitive_count() || !std::isfinite(answer.t) || !(answer.t > ray.tnear) ||
+      !(answer.t <= ray.tfar)) {
+    return plain;
+  }
+  const auto plausible_at = [&](double t) {
+    const Appraisal a = AppraiseAt(ray, answer.prim, t);
+    return a.possible && std::fabs(answer.t - a.t) <= std::max(EightUlp(answer.t), a.t_error);
+  };
+  if (std::binary_search(truth.tied.begin(), truth.tied.end(), answer.prim) && plausible_at(truth.t))
+    return answer.prim == truth.tied.front() ? Verdict::kExact : Verdict::kTie;
+  if (!plausible_at(answer.t)) return plain;
+  if (!truth.hit) return Verdict::kFalseHitMarginal;
+  // Nothing is surely reported within 8 ulp of the nearest hit.
+  const Excuse excuse =
+      answer.t > truth.t + EightUlp(truth.t) ? PassedBefore(ray, answer.t) : Excuse::kMarginal;
+  if (excuse == Excuse::kLeak) return Verdict::kLeak;
+  if (excuse == Excuse::kPlain) return Verdict::kWrong;
+  const bool neighbour =
+      SharesVertex(answer.prim, truth.tied) && Agree(ray, {truth.tied.front(), truth.t}, answer);
+  return neighbour ? Verdict::kNeighbour : Verdict::kWrongMarginal;
+}
+
+Verdict JudgingOracle::JudgeAny(const rb_ray& ray, const Truth& truth, bool occluded) const {
+  if (occluded == truth.hit || (occluded && truth.coplanar)) return Verdict::kExact;
+  if (!occluded) {
+    const Excuse excuse = PassedBefore(ray, LastT(ray));
+    return excuse == Excuse::kLeak    ? Verdict::kLeak
+           : excuse == Excuse::kPlain ? Verdict::kFalseMiss
+                                      : Verdict::kFalseMissMarginal;
+  }
+  const auto may_be_met = [&](uint32_t prim) {
+    for (int root = 0; root < RootCount(scene_, prim); ++root) {
+      const Appraisal a = Appraise(ray, prim, root);
+      const double error = std::max(EightUlp(a.t), a.t_error);
+      if (a.possible && a.t + error > ray.tnear && a.t - error <= ray.tfar) return true;
+    }
+    return false;
+  };
+  const bool near =
+      ray.tnear < ray.tfar && (AnyTriangleNear(ray, may_be_met) || others_.AnyNear(ray, may_be_met));
+  return near ? Verdict::kFalseHitMarginal : Verdict::kFalseHit;
+}
+
+uint64_t Oracle::Audit(std::span<const rb_ray>, std::span<const Truth>, uint64_t, uint64_t) const {
+  return 0;
+}
+
+const char* VerdictName(Verdict verdict) {
+  static constexpr const char* names[] = {
+      "exact",          "tie",        "neighbour",           "leak",      "wrong",
+      "wrong_marginal", "false_miss", "false_miss_marginal", "false_hit", "false_hit_marginal"};
+  static_assert(std::size(names) == size_t(Verdict::kCount));
+  return verdict < Verdict::kCount ? names[size_t(verdict)] : "unknown";
+}
+
+uint64_t VerdictCounts::plain_errors() const {
+  return (*this)[Verdict::kWrong] + (*this)[Verdict::kFalseMiss] + (*this)[Verdict::kFalseHit];
+}
+
+VerdictCounts JudgeAll(const Oracle& oracle, uint32_t query_kind, std::span<const rb_ray> rays,
+                       std::span<const Truth> truth, std::span<const rb_hit> hits,
+                       std::span<const uint8_t> occluded, uint32_t threads,
+                       std::vector<Verdict>* verdicts_out) {
+  const bool closest = query_kind == RB_CLOSEST;
+  if (truth.size() != rays.size() || (closest ? hits.size() : occluded.size()) != rays.size())
+    throw InputError("verdict: rays, truth and answers differ in number");
+  std::vector<Verdict> verdicts(rays.size());
+  std::vector<uint8_t> strict(rays.size());
+  ParallelFor(rays.size(), threads, [&](size_t i) {
+    verdicts[i] = closest ? oracle.Judge(rays[i], truth[i], hits[i])
+                          : oracle.JudgeAny(rays[i], truth[i], occluded[i] != 0);
+    strict[i] = closest ? oracle.IsStrict(rays[i], truth[i], hits[i]) : verdicts[i] == Verdict::kExact;
+  });
+
+  VerdictCounts counts;
+  counts.rays = rays.size();
+  std::vector<double> errors;
+  for (size_t i = 0; i < rays.size(); ++i) {
+    ++counts.by_class[size_t(verdicts[i])];
+    counts.strict += strict[i];
+    if (closest && HasErrorOfT(truth[i], verdicts[i])) errors.push_back(ErrorInUlp(hits[i].t, truth[i].t));
+  }
+  if (!errors.empty()) {
+    std::sort(errors.begin(), errors.end());
+    const auto percentile = [&](uint64_t percent) {
+      return errors[(errors.size() * percent + 99) / 100 - 1];
+    };  // nearest rank
+    counts.t_error_p50 = percentile(50), counts.t_error_p99 = percentile(99),
+    counts.t_error_max = errors.back();
+  }
+  if (verdicts_out != nullptr) *verdicts_out = std::move(verdicts);
+  return counts;
+}
+
+bool BreaksClaim(uint32_t claim, const VerdictCounts& counts) {
+  if (claim == RB_CLAIM_EXACT) return counts.strict != counts.rays;
+  if (claim == RB_CLAIM_WATERTIGHT) return counts.leaks() + counts.plain_errors() > 0;
+  return false;
+}
+
+void ParallelFor(size_t count, uint32_t threads, const std::function<void(size_t)>& body) {
+  const size_t grain = 64;
+  tbb::task_arena arena(threads == 0 ? tbb::task_arena::automatic : int(threads));
+  arena.execute([&] {
+    tbb::parallel_for(tbb::blocked_range<size_t>(0, count, grain),
+                      [&](const tbb::blocked_range<size_t>& range) {
+                        const FloatState ieee;
+                        for (size_t i = range.begin(); i < range.end(); ++i) body(i);
+                      });
+  });
+}
+
+std::unique_ptr<Oracle> MakeOracle(const Scene& scene) {
+  if (auto oracle = MakeCgalOracle(scene)) return oracle;
+  return MakeBoxOracle(scene);
+}
+
+#ifndef RAYBENCH_HAS_CGAL
+std::unique_ptr<Oracle> MakeCgalOracle(const Scene&) { return nullptr; }
+#endif
+
+}  // namespace raybench

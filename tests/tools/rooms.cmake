@@ -1,0 +1,22 @@
+# cmake -DTABLE=FILE -DSOURCE=DIR -P rooms.cmake: refuses an #include of a room that the including one may not use.
+# All rooms share one include folder, so the compiler alone would not see it. Each line of the table is a room, then
+# the rooms it may include.
+file(STRINGS ${TABLE} lines)
+set(faults "")
+foreach(line IN LISTS lines)
+  separate_arguments(allowed UNIX_COMMAND "${line}")
+  list(GET allowed 0 room)
+  file(GLOB files RELATIVE ${SOURCE} ${SOURCE}/${room}/*.h ${SOURCE}/${room}/*.cpp)
+  foreach(file IN LISTS files)
+    file(STRINGS ${SOURCE}/${file} includes REGEX "^#include \"")
+    foreach(include IN LISTS includes)
+      string(REGEX REPLACE "^#include \"([^\"]*)/[^/\"]*\".*" "\\1" used "${include}")
+      if(NOT used IN_LIST allowed)
+        string(APPEND faults "\n  ${file}: ${include}; ${room} may use: ${line}")
+      endif()
+    endforeach()
+  endforeach()
+endforeach()
+if(faults)
+  message(FATAL_ERROR "a room includes what it may not use (CONTRIBUTING, Layers):${faults}")
+endif()
