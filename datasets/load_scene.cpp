@@ -4,6 +4,7 @@
 
 #include "accel/base/memory.h"
 #include "accel/host/names.h"
+#include "accel/host/parameters.h"
 #include "datasets/generators/generators.h"
 #include "datasets/models/fetch.h"
 #include "datasets/modifiers/modifiers.h"

@@ -7,6 +7,7 @@
 #include <string_view>
 #include <vector>
 
+#include "accel/base/error.h"
 #include "accel/contract/raybench.h"
 #include "accel/contract/valid_ray.h"
 #include "accel/host/parameters.h"
@@ -66,11 +67,6 @@ class Tree {
  private:
   const rb_structure* structure_ = nullptr;
   std::unique_ptr<rb_tree, void (*)(rb_tree*)> tree_{nullptr, nullptr};
-};
-
-/// A build that ended without a tree: cancelled, over the memory limit, or input the structure cannot hold.
-struct BuildError : std::runtime_error {
-  using std::runtime_error::runtime_error;
 };
 
 /// Default options: all fields set, one thread, everything needed but `after` and `skip`.

@@ -4,9 +4,9 @@
 // rejects what Intersect accepts: it computes the same in the same order, or allows for the difference.
 //
 //   fast        Moeller-Trumbore in float: leaks
-//   watertight  Woop, vertices sheared in float, signs exact given these: no leaks, ids beside edges by
-//   rounding double      the same in double: right but where surfaces are closer than 2^-50, t within half an
-//   ulp exact       membership by exact predicates, t correctly rounded: the truth
+//   watertight  Woop, vertices sheared in float, signs exact given these: no leaks, ids beside edges by rounding
+//   double      the same in double: right but where surfaces are closer than 2^-50, t within half an ulp
+//   exact       membership by exact predicates, t correctly rounded: the truth
 //
 // All but `fast` are right down to subnormal numbers, of vertices, origins and directions alike.
 #pragma once

@@ -2,9 +2,15 @@
 #pragma once
 
 #include <nlohmann/json.hpp>
+#include <string>
 
 namespace raybench {
 
 using Json = nlohmann::ordered_json;
+
+/// A whole file. Text that comes from files and plugins need not be UTF-8; what is not is replaced.
+inline std::string Dump(const Json& json) {
+  return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
+}
 
 }  // namespace raybench

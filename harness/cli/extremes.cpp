@@ -3,6 +3,7 @@
 
 #include <optional>
 
+#include "accel/host/parameters.h"
 #include "harness/cli/commands.h"
 #include "harness/extremes/run.h"
 #include "harness/extremes/suite.h"

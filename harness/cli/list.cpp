@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include "accel/host/names.h"
+#include "accel/host/parameters.h"
 #include "datasets/models/fetch.h"
 #include "datasets/scene/scene.h"
 #include "harness/base/json.h"

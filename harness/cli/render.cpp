@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <optional>
 
+#include "accel/host/parameters.h"
 #include "datasets/scene/facts.h"
 #include "datasets/scene/scene.h"
 #include "harness/cli/commands.h"

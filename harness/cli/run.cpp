@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <optional>
 
+#include "accel/host/parameters.h"
 #include "harness/cli/commands.h"
 
 namespace raybench {

@@ -5,6 +5,7 @@
 
 #include <optional>
 
+#include "accel/host/parameters.h"
 #include "harness/cli/commands.h"
 #include "harness/plan/small_scenes.h"
 #include "harness/verify/closed.h"

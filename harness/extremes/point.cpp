@@ -27,51 +27,10 @@ constexpr int kPasses = 3;
 /// A tree whose pass lasts longer than this is passed once.
 constexpr double kLongPassSeconds = 0.1;
 
-constexpr const char* kColumns[] = {"suite",
-                                    "variant",
-                                    "magnitude",
-                                    "in_range",  //
-                                    "structure",
-                                    "spec",
-                                    "params",
-                                    "triangles",  //
-                                    "status",
-                                    "note",
-                                    "claim",
-                                    "oracle",
-                                    "rays",  //
-                                    "exact",
-                                    "tie",
-                                    "neighbour",
-                                    "leak",
-                                    "wrong",
-                                    "wrong_marginal",  //
-                                    "false_miss",
-                                    "false_miss_marginal",
-                                    "false_hit",
-                                    "false_hit_marginal",  //
-                                    "failures",
-                                    "failure_rate",
-                                    "failure_bound",  //
-                                    "second_rays",
-                                    "second",
-                                    "second_rate",
-                                    "second_bound",  //
-                                    "other_primitive",
-                                    "t_error_p50",
-                                    "t_error_p99",
-                                    "t_error_max",  //
-                                    "depth",
-                                    "node_bytes",
-                                    "prim_bytes",
-                                    "build_ms",
-                                    "ns_per_ray",
-                                    "seed"};
-
 /// One contestant at this point.
 struct Entrant {
   const Contestant* contestant = nullptr;
-  Json row;
+  Row row;
   Tree tree;
   std::vector<rb_ray> rays;
   std::vector<uint32_t> skip;
@@ -130,29 +89,28 @@ class PointRun {
     for (const Contestant& contestant : contestants) {
       entrants_.emplace_back();
       entrants_.back().contestant = &contestant;
-      Json& row = entrants_.back().row;
-      for (const char* column : kColumns) row[column] = nullptr;
-      row["suite"] = suite.name;
-      if (!point.variant.empty()) row["variant"] = point.variant;
-      row["magnitude"] = point.magnitude;
-      row["in_range"] = point.valid;
-      row["structure"] = contestant.structure->name;
-      row["spec"] = contestant.Spec();
-      row["params"] = contestant.Params();
-      row["seed"] = options.seed;
+      Row& row = entrants_.back().row;
+      row[column::suite] = suite.name;
+      if (!point.variant.empty()) row[column::variant] = point.variant;
+      row[column::magnitude] = point.magnitude;
+      row[column::in_range] = point.valid;
+      row[column::structure] = contestant.structure->name;
+      row[column::spec] = contestant.Spec();
+      row[column::params] = contestant.Params();
+      row[column::seed] = options.seed;
     }
   }
 
-  std::vector<Json> Go() {
+  std::vector<Row> Go() {
     if (MakeWorkload()) {
       for (Entrant& e : entrants_) {
         ThrowIfInterrupted();
-        if (options_.progress) options_.progress(e.row["spec"].get<std::string>());
+        if (options_.progress) options_.progress(e.row.Get(column::spec));
         Prepare(e);
       }
       Time();
     }
-    std::vector<Json> rows;
+    std::vector<Row> rows;
     for (Entrant& e : entrants_) rows.push_back(std::move(e.row));
     return rows;
   }
@@ -163,7 +121,7 @@ class PointRun {
     try {
       work_ = suite_.make(point_, options_.rays, options_.seed);
     } catch (const InputError& error) {
-      for (Entrant& e : entrants_) e.row["status"] = "refused", e.row["note"] = error.what();
+      for (Entrant& e : entrants_) e.row[column::status] = "refused", e.row[column::note] = error.what();
       return false;
     }
     geometry_ = work_.scene.Geometry();
@@ -179,16 +137,16 @@ class PointRun {
   }
 
   void Prepare(Entrant& e) {
-    e.row["triangles"] = work_.scene.triangles.size();
-    e.row["oracle"] = oracle_->Name();
-    if (!work_.note.empty()) e.row["note"] = work_.note;
+    e.row[column::triangles] = work_.scene.triangles.size();
+    e.row[column::oracle] = oracle_->Name();
+    if (!work_.note.empty()) e.row[column::note] = work_.note;
     try {
       rb_build_options build = BuildOptions(1, options_.seed);
       build.needs |= RB_NEED_UV | (work_.leave ? RB_NEED_SKIP : 0);
       const Pinned pinned(true);
       const Stopwatch watch(/*process=*/true);
       e.tree = Tree(*e.contestant, geometry_, build);
-      e.row["build_ms"] = watch.Elapsed().cpu * 1e3;
+      e.row[column::build_ms] = watch.Elapsed().cpu * 1e3;
     } catch (const BuildError& error) {
       ThrowIfInterrupted();
       return Skip(e, error.what());
@@ -198,11 +156,11 @@ class PointRun {
     uint64_t nodes = 0, prims = 0;
     int needs_geometry = 0;
     e.tree.structure().memory(e.tree.get(), &nodes, &prims, &needs_geometry);
-    e.row["node_bytes"] = nodes, e.row["prim_bytes"] = prims;
-    e.row["claim"] = ClaimName(e.tree.Claims());
+    e.row[column::node_bytes] = nodes, e.row[column::prim_bytes] = prims;
+    e.row[column::claim] = ClaimName(e.tree.Claims());
     std::string flaw;
     if (const auto statistics = ReadTree(e.tree, geometry_)) {
-      e.row["depth"] = statistics->depth;
+      e.row[column::depth] = statistics->depth;
       flaw = statistics->flaw;
     }
     e.rays.assign(work_.rays.begin(),
@@ -221,15 +179,15 @@ class PointRun {
   }
 
   static void Skip(Entrant& e, const std::string& why) {
-    e.row["status"] = "skipped", e.row["note"] = why;
+    e.row[column::status] = "skipped", e.row[column::note] = why;
     e.tree = Tree();
   }
 
   void Judge(Entrant& e, std::string flaw) {
     const std::vector<Truth> own = work_.leave ? oracle_->Ask(e.rays, 0) : std::vector<Truth>();
     const std::span<const Truth> truth = std::span(work_.leave ? own : truth_).first(e.rays.size());
-    e.row["rays"] = e.rays.size();
-    e.row["status"] = "measured";
+    e.row[column::rays] = e.rays.size();
+    e.row[column::status] = "measured";
     uint64_t failures = 0, second = 0, second_rays = 0, other = 0;
     for (size_t i = 0; i < e.rays.size(); ++i) {
       if (work_.fails) failures += work_.fails(truth[i], e.hits[i]);
@@ -241,28 +199,28 @@ class PointRun {
       const VerdictCounts counts = JudgeAll(*oracle_, RB_CLOSEST, e.rays, truth, e.hits, {}, 0);
       if (!work_.fails) failures = counts.leaks() + counts.plain_errors();
       for (size_t v = 0; v < size_t(Verdict::kCount); ++v)
-        e.row[VerdictName(Verdict(v))] = counts.by_class[v];
+        e.row[ClassColumn(Verdict(v))] = counts.by_class[v];
       other = counts.rays - counts[Verdict::kExact] - counts[Verdict::kTie];
-      e.row["other_primitive"] = other;
+      e.row[column::other_primitive] = other;
       if (other < counts.rays) {
-        e.row["t_error_p50"] = counts.t_error_p50;
-        e.row["t_error_p99"] = counts.t_error_p99;
-        e.row["t_error_max"] = counts.t_error_max;
+        e.row[column::t_error_p50] = counts.t_error_p50;
+        e.row[column::t_error_p99] = counts.t_error_p99;
+        e.row[column::t_error_max] = counts.t_error_max;
       }
       if (flaw.empty() && BreaksClaim(e.tree.Claims(), counts))
         flaw = fmt::format("claims {}; {}", ClaimName(e.tree.Claims()),
                            FirstBreaking(*oracle_, e.tree.Claims(), e, truth));
     }
-    e.row["failures"] = failures;
-    e.row["failure_rate"] = double(failures) / double(e.rays.size());
-    e.row["failure_bound"] = UpperRate(failures, e.rays.size());
+    e.row[column::failures] = failures;
+    e.row[column::failure_rate] = double(failures) / double(e.rays.size());
+    e.row[column::failure_bound] = UpperRate(failures, e.rays.size());
     if (work_.second) {
-      e.row["second_rays"] = second_rays;
-      e.row["second"] = second;
-      if (second_rays > 0) e.row["second_rate"] = double(second) / double(second_rays);
-      e.row["second_bound"] = UpperRate(second, second_rays);
+      e.row[column::second_rays] = second_rays;
+      e.row[column::second] = second;
+      if (second_rays > 0) e.row[column::second_rate] = double(second) / double(second_rays);
+      e.row[column::second_bound] = UpperRate(second, second_rays);
     }
-    if (!flaw.empty()) e.row["status"] = "broken", e.row["note"] = flaw;
+    if (!flaw.empty()) e.row[column::status] = "broken", e.row[column::note] = flaw;
   }
 
   /// Passes of all trees take turns; the median counts. Rough: few passes, one process.
@@ -278,7 +236,7 @@ class PointRun {
       }
     }
     for (Entrant& e : entrants_)
-      if (!e.pass_ns.empty()) e.row["ns_per_ray"] = MedianOf(e.pass_ns).median;
+      if (!e.pass_ns.empty()) e.row[column::ns_per_ray] = MedianOf(e.pass_ns).median;
   }
 
   const Suite& suite_;
@@ -293,10 +251,8 @@ class PointRun {
 
 }  // namespace
 
-std::span<const char* const> Columns() { return kColumns; }
-
-std::vector<Json> MeasurePoint(const Suite& suite, const Point& point,
-                               const std::vector<Contestant>& contestants, const PointOptions& options) {
+std::vector<Row> MeasurePoint(const Suite& suite, const Point& point,
+                              const std::vector<Contestant>& contestants, const PointOptions& options) {
   return PointRun(suite, point, contestants, options).Go();
 }
 

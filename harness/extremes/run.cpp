@@ -114,11 +114,11 @@ class ExtremesRun {
         progress_.Update((double(i) + within) / double(plan_.size()), fmt::format("{}: {}", place, what));
       };
       ThrowIfInterrupted();
-      for (Json& row : MeasurePoint(*suite, point, contestants_, options)) {
-        if (row["status"] == "broken" && point.valid) {
+      for (Row& row : MeasurePoint(*suite, point, contestants_, options)) {
+        if (row.Get(column::status) == "broken" && point.valid) {
           ++broken_;
-          progress_.Say(fmt::format("BROKEN CLAIM: {}: {}: {}", place, row["spec"].get<std::string>(),
-                                    row["note"].get<std::string>()));
+          progress_.Say(
+              fmt::format("BROKEN CLAIM: {}: {}: {}", place, row.Get(column::spec), row.Get(column::note)));
         }
         rows_.push_back(std::move(row));
       }
@@ -126,12 +126,8 @@ class ExtremesRun {
   }
 
   void WriteFiles(bool interrupted) const {
-    std::string csv = fmt::format("{}\n", fmt::join(Columns(), ","));
-    for (const Json& row : rows_) {
-      std::vector<std::string> fields;
-      for (const char* column : Columns()) fields.push_back(CsvField(row.at(column)));
-      csv += fmt::format("{}\n", fmt::join(fields, ","));
-    }
+    std::string csv = CsvHeader(kExtremesColumns) + "\n";
+    for (const Row& row : rows_) csv += row.ToCsv(kExtremesColumns) + "\n";
     WriteFileAtomically(folder_ / "extremes.csv", csv);
 
     Json suites = Json::array(), structures = Json::array();
@@ -146,7 +142,7 @@ class ExtremesRun {
     }
     for (const Contestant& c : contestants_) structures.push_back(FactsOf(c, registry_));
     const Json json = {
-        {"format", 1},
+        {"format", kResultFormat},
         {"started", started_},
         {"ended", UtcTime("%Y-%m-%dT%H:%M:%SZ")},
         {"interrupted", interrupted},
@@ -163,26 +159,26 @@ class ExtremesRun {
         {"libraries", LibraryFacts()},
         {"structures", structures},
         {"suites", suites}};
-    WriteFileAtomically(folder_ / "extremes.json",
-                        json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
+    WriteFileAtomically(folder_ / "extremes.json", Dump(json));
   }
 
   /// What one contestant did in one series of points.
-  static std::string Summary(const std::vector<const Json*>& rows) {
+  static std::string Summary(const std::vector<const Row*>& rows) {
     uint64_t rays = 0, refused = 0, skipped = 0;
     std::optional<double> first;
     double worst = 0, worst_at = 0, t_error = 0;
     std::vector<double> ns;
-    for (const Json* r : rows) {
-      const Json& row = *r;
-      refused += row["status"] == "refused", skipped += row["status"] == "skipped";
-      if (row["failure_rate"].is_null()) continue;
-      rays += row["rays"].get<uint64_t>();
-      if (!row["t_error_p99"].is_null()) t_error = std::max(t_error, row["t_error_p99"].get<double>());
-      ns.push_back(row["ns_per_ray"].get<double>());
-      const double rate = row["failure_rate"].get<double>(), at = row["magnitude"].get<double>();
-      if (rate > 0 && !first) first = at;
-      if (rate > worst) worst = rate, worst_at = at;
+    for (const Row* row : rows) {
+      const std::string status = row->Get(column::status);
+      refused += status == "refused", skipped += status == "skipped";
+      const auto rate = row->Get(column::failure_rate);
+      if (!rate) continue;
+      rays += *row->Get(column::rays);
+      t_error = std::max(t_error, row->Get(column::t_error_p99).value_or(0));
+      ns.push_back(*row->Get(column::ns_per_ray));
+      const double at = *row->Get(column::magnitude);
+      if (*rate > 0 && !first) first = at;
+      if (*rate > worst) worst = *rate, worst_at = at;
     }
     std::string text;
     if (rays > 0) {
@@ -199,12 +195,12 @@ class ExtremesRun {
   void PrintTable() const {
     // Suites and variants in the order of the plan.
     std::vector<std::string> series;
-    std::map<std::string, std::map<std::string, std::vector<const Json*>>> rows;
-    for (const Json& row : rows_) {
-      std::string name = row["suite"];
-      if (!row["variant"].is_null()) name += ", " + row["variant"].get<std::string>();
+    std::map<std::string, std::map<std::string, std::vector<const Row*>>> rows;
+    for (const Row& row : rows_) {
+      std::string name = row.Get(column::suite);
+      if (row.Has(column::variant)) name += ", " + row.Get(column::variant);
       if (!rows.contains(name)) series.push_back(name);
-      rows[name][row["spec"]].push_back(&row);
+      rows[name][row.Get(column::spec)].push_back(&row);
     }
     for (const std::string& name : series) {
       fmt::print("{}\n", name);
@@ -243,7 +239,7 @@ class ExtremesRun {
   std::vector<const Suite*> suites_;
   std::vector<Planned> plan_;
   std::vector<Contestant> contestants_;
-  std::vector<Json> rows_;
+  std::vector<Row> rows_;
   fs::path folder_;
   std::string started_;
   uint64_t broken_ = 0;

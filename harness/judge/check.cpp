@@ -77,7 +77,7 @@ std::string ContractFlaw(const RaySet& set, const Answers& answers, uint64_t pri
 }
 
 std::string CheckAnswers(const Tree& tree, const Oracle& oracle, uint64_t primitives,
-                         const PreparedSet& prepared, Json& values, Answers& answers, Answers& counted) {
+                         const PreparedSet& prepared, Row& values, Answers& answers, Answers& counted) {
   const RaySet& set = prepared.set;
   QueryParallel(tree, answers.Ask(set), 0);
   if (std::string flaw = ContractFlaw(set, answers, primitives); !flaw.empty()) return flaw;
@@ -93,20 +93,20 @@ std::string CheckAnswers(const Tree& tree, const Oracle& oracle, uint64_t primit
   }
   const VerdictCounts verdict =
       JudgeAll(oracle, set.query, prepared.picked, prepared.truth, hits, occluded, 0);
-  values["oracle"] = oracle.Name();
-  values["verified"] = verdict.rays;
-  for (size_t v = 0; v < size_t(Verdict::kCount); ++v) values[VerdictName(Verdict(v))] = verdict.by_class[v];
+  values[column::oracle] = oracle.Name();
+  values[column::verified] = verdict.rays;
+  for (size_t v = 0; v < size_t(Verdict::kCount); ++v) values[ClassColumn(Verdict(v))] = verdict.by_class[v];
   if (verdict[Verdict::kExact] + verdict[Verdict::kTie] + verdict[Verdict::kNeighbour] > 0 &&
       set.query == RB_CLOSEST) {
-    values["t_error_p50"] = verdict.t_error_p50;
-    values["t_error_p99"] = verdict.t_error_p99;
-    values["t_error_max"] = verdict.t_error_max;
+    values[column::t_error_p50] = verdict.t_error_p50;
+    values[column::t_error_p99] = verdict.t_error_p99;
+    values[column::t_error_max] = verdict.t_error_max;
   }
   uint64_t hit_count = 0;
   for (size_t i = 0; i < set.rays.size(); ++i) {
     hit_count += set.query == RB_ANY ? answers.occluded[i] != 0 : answers.hits[i].prim != RAYBENCH_NONE;
   }
-  values["hits"] = hit_count;
+  values[column::hits] = hit_count;
   if (BreaksClaim(tree.Claims(), verdict)) return BrokenClaim(tree.Claims(), verdict);
 
   if ((tree.structure().capabilities & RB_CAN_COUNT) == 0) return {};
@@ -124,13 +124,13 @@ std::string CheckAnswers(const Tree& tree, const Oracle& oracle, uint64_t primit
     const double off = double(c.leaves) - mean_leaves;
     leaf_squares += off * off;
   }
-  values["steps"] = double(sum.steps) / n;
-  values["leaves"] = double(sum.leaves) / n;
-  values["empty_leaves"] = double(sum.empty_leaves) / n;
-  values["bounds"] = double(sum.bounds) / n;
-  values["prims"] = double(sum.prims) / n;
-  values["bytes"] = double(sum.bytes) / n;
-  values["lcv"] = std::sqrt(leaf_squares / n);
+  values[column::steps] = double(sum.steps) / n;
+  values[column::leaves] = double(sum.leaves) / n;
+  values[column::empty_leaves] = double(sum.empty_leaves) / n;
+  values[column::bounds] = double(sum.bounds) / n;
+  values[column::prims] = double(sum.prims) / n;
+  values[column::bytes] = double(sum.bytes) / n;
+  values[column::lcv] = std::sqrt(leaf_squares / n);
   return {};
 }
 

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "accel/host/registry.h"
-#include "harness/base/json.h"
+#include "harness/base/columns.h"
 #include "harness/rays/ray_sets.h"
 #include "harness/truth/oracle.h"
 
@@ -37,6 +37,9 @@ struct Answers {
   }
 };
 
+/// How many answers fell into the class.
+inline ColumnOf<ColumnType::kCount> ClassColumn(Verdict v) { return {VerdictName(v)}; }
+
 /// "nothing", "inexact", "watertight", "exact".
 const char* ClaimName(uint32_t claim);
 
@@ -49,6 +52,6 @@ std::string ContractFlaw(const RaySet& set, const Answers& answers, uint64_t pri
 /// contract (malformed answers, counted answers that differ from uncounted ones); empty if nothing does.
 /// `answers` and `counted` hold at least as many rays as the set and are overwritten.
 std::string CheckAnswers(const Tree& tree, const Oracle& oracle, uint64_t primitives,
-                         const PreparedSet& prepared, Json& values, Answers& answers, Answers& counted);
+                         const PreparedSet& prepared, Row& values, Answers& answers, Answers& counted);
 
 }  // namespace raybench

@@ -6,6 +6,7 @@
 #include <span>
 #include <stdexcept>
 
+#include "accel/host/parameters.h"
 #include "datasets/models/fetch.h"
 #include "datasets/models/manifest.h"
 #include "datasets/scene/scene.h"

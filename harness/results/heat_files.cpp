@@ -6,6 +6,8 @@
 #include <fstream>
 #include <system_error>
 
+#include "harness/base/files.h"
+
 namespace raybench {
 namespace fs = std::filesystem;
 namespace {

@@ -8,20 +8,19 @@
 #include <string>
 #include <vector>
 
+#include "harness/base/columns.h"
 #include "harness/base/files.h"
-#include "harness/base/json.h"
 #include "harness/measure/measure.h"
 #include "harness/plan/plan.h"
 
 namespace raybench {
 
-/// The columns of cases.csv and samples.csv in order.
-std::span<const char* const> CaseColumns();
-std::span<const char* const> SampleColumns();
-
-/// One field as CSV (RFC 4180): text quoted where needed, numbers in the shortest form that reads back the
-/// same, null as nothing.
-std::string CsvField(const Json& value);
+/// A case as its file has it.
+struct FinishedCase {
+  uint64_t plan_index = 0;
+  Row row;  ///< of kCasesColumns
+  std::vector<Sample> samples;
+};
 
 class ResultFolder {
  public:
@@ -34,13 +33,14 @@ class ResultFolder {
   /// Whether it is there and has a time.
   bool IsTimed(const std::string& case_id) const;
   /// Stores a finished case. `values` gives columns of cases.csv beyond those of the key; those not given
-  /// stay empty. A key that is no column is a programming error (std::logic_error).
-  void Store(const Case& key, const Json& values, std::span<const Sample> samples) const;
+  /// stay empty. A column of another table is a programming error (std::logic_error).
+  void Store(const Case& key, const Row& values, std::span<const Sample> samples) const;
   /// All finished cases in the order of the plan. Throws InputError naming a file that cannot be read.
-  std::vector<Json> Cases() const;
+  std::vector<FinishedCase> Cases() const;
   /// Derives samples.csv and cases.csv from the finished cases.
   void WriteCsvs() const;
-  void WriteRunJson(const Json& run) const;
+  /// Adds the result format.
+  void WriteRunJson(Json run) const;
 
  private:
   std::filesystem::path path_;

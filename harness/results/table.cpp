@@ -11,65 +11,58 @@
 namespace raybench {
 namespace {
 
-std::string Text(const Json& row, const char* column) {
-  return row.at(column).is_string() ? row.at(column).get<std::string>() : std::string();
-}
-std::optional<double> Number(const Json& row, const char* column) {
-  if (!row.at(column).is_number()) return std::nullopt;
-  return row.at(column).get<double>();
-}
-
 /// All cases of one tree.
-using Rows = std::vector<const Json*>;
+using Rows = std::vector<const Row*>;
 
 std::string Verdict(const Rows& rows) {
-  static constexpr const char* kPlainErrors[] = {"leak", "wrong", "false_miss", "false_hit"};
-  double verified = 0;
-  std::map<std::string, double> errors;
+  static constexpr ColumnOf<ColumnType::kCount> kPlainErrors[] = {column::leak, column::wrong,
+                                                                  column::false_miss, column::false_hit};
+  double verified = 0, errors[std::size(kPlainErrors)] = {};
   std::string claim;
   bool skipped = true;
-  for (const Json* row : rows) {
-    const std::string status = Text(*row, "status");
+  for (const Row* row : rows) {
+    const std::string status = row->Get(column::status);
     if (status == "refused") return "REFUSED";
     if (status == "skipped") continue;
     skipped = false;
-    claim = Text(*row, "claim");
-    verified += Number(*row, "verified").value_or(0);
-    for (const char* e : kPlainErrors) errors[e] += Number(*row, e).value_or(0);
+    claim = row->Get(column::claim);
+    verified += double(row->Get(column::verified).value_or(0));
+    for (size_t e = 0; e < std::size(kPlainErrors); ++e)
+      errors[e] += double(row->Get(kPlainErrors[e]).value_or(0));
   }
   if (skipped) return "skipped";
   if (claim == "nothing") return "claims nothing";
   std::string text;
-  for (const char* e : kPlainErrors) {
-    if (errors[e] > 0) {
-      text += fmt::format("{}{} {} %", text.empty() ? "" : ", ", e, FormatFigure(100 * errors[e] / verified));
-    }
-  }
+  for (size_t e = 0; e < std::size(kPlainErrors); ++e)
+    if (errors[e] > 0)
+      text += fmt::format("{}{} {} %", text.empty() ? "" : ", ", kPlainErrors[e].name,
+                          FormatFigure(100 * errors[e] / verified));
   if (verified == 0) return claim + ", not verified";
   if (claim == "inexact") return text.empty() ? "inexact, no error seen" : text;
   return claim + " ok";
 }
 
-std::string Rate(const Json& row) {
-  const auto rate = Number(row, "rate");
+std::string Rate(const Row& row) {
+  const auto rate = row.Get(column::rate);
   return rate ? FormatFigure(*rate * 1e-6) : "-";
 }
 
 /// A counter per ray, over all closest-hit rays of one tree.
-std::string PerRay(const Rows& rows, const char* counter) {
+std::string PerRay(const Rows& rows, ColumnOf<ColumnType::kNumber> counter) {
   double sum = 0, rays = 0;
-  for (const Json* row : rows) {
-    const auto value = Number(*row, counter);
-    if (!value || Text(*row, "query") != "closest") continue;
-    sum += *value * *Number(*row, "rays"), rays += *Number(*row, "rays");
+  for (const Row* row : rows) {
+    const auto value = row->Get(counter);
+    if (!value || row->Get(column::query) != "closest") continue;
+    const double n = double(*row->Get(column::rays));
+    sum += *value * n, rays += n;
   }
   return rays > 0 ? FormatFigure(sum / rays) : "-";
 }
 
-std::string ColumnName(const Json& row, bool show_threads) {
-  std::string name = Text(row, "ray_set");
-  if (Text(row, "order") == "shuffled") name += "~";
-  if (show_threads) name += fmt::format(" x{}", row.at("threads").get<uint32_t>());
+std::string ColumnName(const Row& row, bool show_threads) {
+  std::string name = row.Get(column::ray_set);
+  if (row.Get(column::order) == "shuffled") name += "~";
+  if (show_threads) name += fmt::format(" x{}", *row.Get(column::threads));
   return name;
 }
 
@@ -77,13 +70,13 @@ std::string ColumnName(const Json& row, bool show_threads) {
 std::string TimedParts(const Rows& scene) {
   uint64_t cases = 0, parts = 0;
   double smallest = 1;
-  for (const Json* row : scene) {
-    const auto timed = Number(*row, "timed_rays"), rays = Number(*row, "rays");
+  for (const Row* row : scene) {
+    const auto timed = row->Get(column::timed_rays), rays = row->Get(column::rays);
     if (!timed || !rays) continue;
     ++cases;
     if (*timed == *rays) continue;
     ++parts;
-    smallest = std::min(smallest, *timed / *rays);
+    smallest = std::min(smallest, double(*timed) / double(*rays));
   }
   if (parts == 0) return {};
   return fmt::format(
@@ -94,58 +87,58 @@ std::string TimedParts(const Rows& scene) {
 std::string FormatScene(const Rows& scene) {
   std::vector<std::string> specs, sets, builds;
   std::map<std::string, Rows> by_spec;
-  std::map<std::pair<std::string, std::string>, const Json*> at;  // (spec, column) -> row
+  std::map<std::pair<std::string, std::string>, const Row*> at;  // (spec, column) -> row
   std::vector<std::pair<std::string, std::string>> notes;
   bool many_threads = false, shuffled = false;
-  for (const Json* row : scene) {
-    if (Text(*row, "query") != "build" && row->at("threads") != scene.back()->at("threads"))
+  for (const Row* row : scene) {
+    if (row->Get(column::query) != "build" && row->Get(column::threads) != scene.back()->Get(column::threads))
       many_threads = true;
-    shuffled |= Text(*row, "order") == "shuffled";
+    shuffled |= row->Get(column::order) == "shuffled";
   }
   const auto add = [](std::vector<std::string>& names, const std::string& name) {
     if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
   };
-  for (const Json* row : scene) {
-    const std::string spec = Text(*row, "spec");
-    const bool build = Text(*row, "query") == "build";
+  for (const Row* row : scene) {
+    const std::string spec = row->Get(column::spec);
+    const bool build = row->Get(column::query) == "build";
     const std::string column = ColumnName(*row, build || many_threads);
     add(specs, spec);
     add(build ? builds : sets, column);
     by_spec[spec].push_back(row);
     at[{spec, column}] = row;
-    const std::pair note(spec, Text(*row, "note"));
+    const std::pair note(spec, row->Get(column::note));
     if (!note.second.empty() && std::find(notes.begin(), notes.end(), note) == notes.end())
       notes.push_back(note);
   }
 
-  const Json& first = *scene.front();
+  const Row& first = *scene.front();
   std::string text =
-      fmt::format("{}: {} primitives\n\n", Text(first, "scene"), first.at("primitives").get<uint64_t>());
+      fmt::format("{}: {} primitives\n\n", first.Get(column::scene), *first.Get(column::primitives));
   std::vector<std::string> header = {"structure", "verdict"};
   for (const std::string& build : builds) header.push_back(build + " ms");
   for (const char* name : {"steps/ray", "prims/ray", "MiB"}) header.push_back(name);
   Grid properties(header);
   for (const std::string& spec : specs) {
     const Rows& rows = by_spec[spec];
-    const Json& own = *rows.front();
+    const Row& own = *rows.front();
     std::vector<std::string> cells = {spec, Verdict(rows)};
     for (const std::string& build : builds) {
       const auto found = at.find({spec, build});
-      const auto ns = found == at.end() ? std::nullopt : Number(*found->second, "median_ns");
+      const auto ns = found == at.end() ? std::nullopt : found->second->Get(column::median_ns);
       cells.push_back(ns ? FormatFigure(*ns * 1e-6) : "-");
     }
-    cells.push_back(PerRay(rows, "steps"));
-    cells.push_back(PerRay(rows, "prims"));
-    const auto nodes = Number(own, "node_bytes");
-    cells.push_back(nodes ? FormatFigure((*nodes + *Number(own, "prim_bytes")) / (1 << 20)) : "-");
+    cells.push_back(PerRay(rows, column::steps));
+    cells.push_back(PerRay(rows, column::prims));
+    const auto nodes = own.Get(column::node_bytes);
+    cells.push_back(nodes ? FormatFigure(double(*nodes + *own.Get(column::prim_bytes)) / (1 << 20)) : "-");
     properties.Add(cells);
   }
   text += properties.Format(2);
 
   if (!sets.empty()) {
     std::string anchor;
-    for (const Json* row : scene)
-      if (anchor.empty()) anchor = Text(*row, "anchor");
+    for (const Row* row : scene)
+      if (anchor.empty()) anchor = row->Get(column::anchor);
     text += fmt::format(
         "\n  Mrays/s{}{}\n",
         anchor.empty() ? "" : fmt::format(", in brackets as a multiple of {} on the same rays", anchor),
@@ -158,8 +151,9 @@ std::string FormatScene(const Rows& scene) {
       for (const std::string& set : sets) {
         const auto found = at.find({spec, set});
         std::string cell = found == at.end() ? "-" : Rate(*found->second);
-        if (cell != "-" && spec != anchor && Text(*found->second, "claim") != "nothing") {
-          const auto own = Number(*found->second, "median_ns"), base = Number(*found->second, "anchor_ns");
+        if (cell != "-" && spec != anchor && found->second->Get(column::claim) != "nothing") {
+          const auto own = found->second->Get(column::median_ns),
+                     base = found->second->Get(column::anchor_ns);
           if (own && base) cell += fmt::format(" ({:.{}f})", *base / *own, *base < 0.01 * *own ? 4 : 2);
         }
         cells.push_back(cell);
@@ -209,13 +203,13 @@ std::string FormatFigure(double value) {
   return fmt::format("{:.{}f}", value, std::max(0, digits));
 }
 
-std::string FormatTable(std::span<const Json> cases) {
+std::string FormatTable(std::span<const FinishedCase> cases) {
   std::vector<std::string> order;
   std::map<std::string, Rows> scenes;
-  for (const Json& file : cases) {
-    const std::string scene = Text(file.at("case"), "scene");
+  for (const FinishedCase& finished : cases) {
+    const std::string scene = finished.row.Get(column::scene);
     if (!scenes.contains(scene)) order.push_back(scene);
-    scenes[scene].push_back(&file.at("case"));
+    scenes[scene].push_back(&finished.row);
   }
   std::string text;
   for (const std::string& scene : order) text += FormatScene(scenes[scene]);

@@ -5,7 +5,6 @@
 #include <string>
 #include <vector>
 
-#include "harness/base/json.h"
 #include "harness/results/results.h"
 
 namespace raybench {
@@ -25,7 +24,7 @@ class Grid {
 };
 
 /// At most 120 columns wide; one block a scene. `cases` as ResultFolder::Cases() gives them.
-std::string FormatTable(std::span<const Json> cases);
+std::string FormatTable(std::span<const FinishedCase> cases);
 
 /// Three significant digits: 0.0123, 4.56, 78.9, 1230.
 std::string FormatFigure(double value);

@@ -101,8 +101,8 @@ struct Entrant {
   uint64_t build_bytes = 0;                  ///< what a building takes, the tree included
   uint64_t build_limit = 0;                  ///< that it was built with
   std::map<uint32_t, double> build_seconds;  ///< by threads
-  std::map<uint32_t, Json> build_values;     ///< by threads
-  std::vector<Json> set_values;              ///< verdict, hits and counters of each set
+  std::map<uint32_t, Row> build_values;      ///< by threads
+  std::vector<Row> set_values;               ///< verdict, hits and counters of each set
 };
 
 class Run {
@@ -615,7 +615,12 @@ class Run {
 
   void StoreSkipped(const Entrant& entrant) {
     for (const PlannedCase& c : entrant.cases)
-      if (!c.skip.empty() && !Done(c)) results_->Store(c.key, {{"status", "skipped"}, {"note", c.skip}}, {});
+      if (!c.skip.empty() && !Done(c)) {
+        Row row;
+        row[column::status] = "skipped";
+        row[column::note] = c.skip;
+        results_->Store(c.key, row, {});
+      }
   }
 
   /// Ends all open cases of a tree without a time.
@@ -623,9 +628,9 @@ class Run {
     StoreSkipped(entrant);
     for (PlannedCase& c : entrant.cases) {
       if (Done(c)) continue;
-      Json values = ValuesOf(entrant, c);
-      values["status"] = status;
-      values["note"] = note;
+      Row values = ValuesOf(entrant, c);
+      values[column::status] = status;
+      values[column::note] = note;
       results_->Store(c.key, values, {});
     }
     entrant.tree = Tree();
@@ -648,7 +653,7 @@ class Run {
                     BoundTightness(entrant.tree, geometry, samples, options_.seed));
     }
     Begin(Work::kCheck, spec, "checking " + spec);
-    entrant.set_values.assign(sets.size(), Json::object());
+    entrant.set_values.assign(sets.size(), Row());
     for (size_t i = 0; i < sets.size(); ++i) {
       const bool wanted = std::any_of(entrant.cases.begin(), entrant.cases.end(), [&](const PlannedCase& c) {
         return !c.key.IsBuild() && c.set == i && c.skip.empty();
@@ -702,10 +707,10 @@ class Run {
       Seconds seconds;
       Tree tree = TimedBuild(entrant, threads, seconds);
       const uint64_t peak = PeakMemory();
-      Json& values = entrant.build_values[threads];
-      values = {{"claim", ClaimName(tree.Claims())}};
-      if (has_peak) values["build_peak_bytes"] = peak > before ? peak - before : 0;
-      values["cold_ns"] = (threads == 1 ? seconds.cpu : seconds.wall) * 1e9;
+      Row& values = entrant.build_values[threads];
+      values[column::claim] = ClaimName(tree.Claims());
+      if (has_peak) values[column::build_peak_bytes] = peak > before ? peak - before : 0;
+      values[column::cold_ns] = (threads == 1 ? seconds.cpu : seconds.wall) * 1e9;
       entrant.build_seconds[threads] = seconds.wall;
       uint64_t nodes = 0, prims = 0;
       int needs_geometry = 0;
@@ -714,9 +719,9 @@ class Run {
           std::max({entrant.build_bytes, nodes + prims, has_peak && peak > before ? peak - before : 0});
       // Without the promise of the same tree at any thread count, its figures would change from run to run.
       if (kept || (tree.structure().capabilities & RB_DETERMINISTIC) != 0) {
-        values["node_bytes"] = nodes;
-        values["prim_bytes"] = prims;
-        values["needs_geometry"] = needs_geometry != 0 ? 1 : 0;
+        values[column::node_bytes] = nodes;
+        values[column::prim_bytes] = prims;
+        values[column::needs_geometry] = needs_geometry != 0;
       }
       if (!kept) continue;
       entrant.tree_bytes = nodes + prims;
@@ -737,22 +742,22 @@ class Run {
   static void AddTreeValues(Entrant& entrant, const TreeStatistics& s, std::optional<double> overlap,
                             std::optional<double> tightness) {
     for (auto& [threads, values] : entrant.build_values) {
-      if (!values.contains("node_bytes")) continue;
-      values["inner_nodes"] = s.inner_nodes;
-      values["leaf_nodes"] = s.leaf_nodes;
-      values["empty_leaf_nodes"] = s.empty_leaf_nodes;
-      values["references"] = s.references;
-      values["depth"] = s.depth;
-      if (s.sah_cost) values["sah_cost"] = *s.sah_cost;
-      if (overlap) values["epo"] = *overlap;
-      if (s.leaf_depth) values["leaf_depth"] = *s.leaf_depth;
-      if (tightness) values["tightness"] = *tightness;
+      if (!values.Has(column::node_bytes)) continue;
+      values[column::inner_nodes] = s.inner_nodes;
+      values[column::leaf_nodes] = s.leaf_nodes;
+      values[column::empty_leaf_nodes] = s.empty_leaf_nodes;
+      values[column::references] = s.references;
+      values[column::depth] = s.depth;
+      values[column::sah_cost] = s.sah_cost;
+      values[column::epo] = overlap;
+      values[column::leaf_depth] = s.leaf_depth;
+      values[column::tightness] = tightness;
     }
   }
 
   /// The columns known before timing.
-  Json ValuesOf(const Entrant& entrant, const PlannedCase& c) const {
-    Json values = Json::object();
+  Row ValuesOf(const Entrant& entrant, const PlannedCase& c) const {
+    Row values;
     if (entrant.build_values.empty()) return values;
     if (c.key.IsBuild()) {
       if (const auto own = entrant.build_values.find(c.key.threads); own != entrant.build_values.end())
@@ -761,9 +766,9 @@ class Run {
     }
     // A query case shows the tree it ran on.
     values = entrant.build_values.begin()->second;
-    values.erase("build_peak_bytes");
-    values.erase("cold_ns");
-    if (c.set < entrant.set_values.size()) values.update(entrant.set_values[c.set]);
+    values[column::build_peak_bytes] = std::optional<uint64_t>();
+    values[column::cold_ns] = std::optional<double>();
+    if (c.set < entrant.set_values.size()) values.Take(entrant.set_values[c.set]);
     return values;
   }
 
@@ -824,7 +829,7 @@ class Run {
   struct Open {
     Entrant* entrant;
     PlannedCase* planned;
-    Json values;
+    Row values;
     Part part = {};
   };
 
@@ -867,14 +872,14 @@ class Run {
       StoreSkipped(*entrant);
       for (PlannedCase& c : entrant->cases)
         if (c.skip.empty() && !Done(c)) {
-          Json values = ValuesOf(*entrant, c);
+          Row values = ValuesOf(*entrant, c);
           ++seen_, last_name_ = c.Name();
           if (engine_.Takes(c.Name())) {
             ++taken_;
             open.push_back({entrant, &c, std::move(values)});
           } else {
-            values["status"] = "skipped";
-            values["note"] = "left out by --benchmark_filter";
+            values[column::status] = "skipped";
+            values[column::note] = "left out by --benchmark_filter";
             results_->Store(c.key, values, {});
           }
         }
@@ -901,8 +906,8 @@ class Run {
         Seconds cold;
         tasks.push_back(QueryTask(o.entrant->tree, o.part, cold));
         const uint64_t rays = RaysOf(o.part).rays.size();
-        o.values["cold_ns"] = (key.threads == 1 ? cold.cpu : cold.wall) * 1e9 / double(rays);
-        o.values["timed_rays"] = rays;
+        o.values[column::cold_ns] = (key.threads == 1 ? cold.cpu : cold.wall) * 1e9 / double(rays);
+        o.values[column::timed_rays] = rays;
         if (o.entrant == now.anchor) anchors[o.part] = tasks.size() - 1;
       }
       tasks.back().name = o.planned->Name();
@@ -932,9 +937,9 @@ class Run {
       if (measured[i].empty() || (has_anchor && measured[anchor->second].empty())) continue;  // interrupted
       AddTimes(o.values, o.planned->key, measured[i]);
       if (has_anchor) {
-        o.values["anchor"] = now.anchor->contestant->Spec();
-        o.values["anchor_ns"] = MedianOf(TimesOf(measured[anchor->second], o.part.threads)).median * 1e9 /
-                                double(RaysOf(o.part).rays.size());
+        o.values[column::anchor] = now.anchor->contestant->Spec();
+        o.values[column::anchor_ns] = MedianOf(TimesOf(measured[anchor->second], o.part.threads)).median *
+                                      1e9 / double(RaysOf(o.part).rays.size());
       }
       results_->Store(o.planned->key, o.values, measured[i]);
     }
@@ -968,17 +973,17 @@ class Run {
     return times;
   }
 
-  static void AddTimes(Json& values, const Case& key, const Measurement& samples) {
+  static void AddTimes(Row& values, const Case& key, const Measurement& samples) {
     const MedianInterval interval = MedianOf(TimesOf(samples, key.threads));
-    const uint64_t rays = key.IsBuild() ? 0 : values.at("timed_rays").get<uint64_t>();
+    const uint64_t rays = key.IsBuild() ? 0 : *values.Get(column::timed_rays);
     const double to_ns = key.IsBuild() ? 1e9 : 1e9 / double(rays);
     const uint64_t items = key.IsBuild() ? key.primitives : rays;
-    values["status"] = "timed";
-    values["samples"] = samples.size();
-    values["median_ns"] = interval.median * to_ns;
-    if (interval.lo) values["lo_ns"] = *interval.lo * to_ns;
-    if (interval.hi) values["hi_ns"] = *interval.hi * to_ns;
-    if (interval.median > 0) values["rate"] = double(items) / interval.median;
+    values[column::status] = "timed";
+    values[column::samples] = samples.size();
+    values[column::median_ns] = interval.median * to_ns;
+    if (interval.lo) values[column::lo_ns] = *interval.lo * to_ns;
+    if (interval.hi) values[column::hi_ns] = *interval.hi * to_ns;
+    if (interval.median > 0) values[column::rate] = double(items) / interval.median;
   }
 
   // ---- files ----
@@ -999,7 +1004,6 @@ class Run {
     Json structures = Json::array();
     for (const Contestant& c : contestants_) structures.push_back(FactsOf(c, registry_));
     Json run;
-    run["format"] = 1;
     run["started"] = started_;
     run["ended"] = finished ? Json(UtcTime("%Y-%m-%dT%H:%M:%SZ")) : Json();
     run["interrupted"] = interrupted;
@@ -1024,18 +1028,19 @@ class Run {
   int Finish(bool interrupted) {
     if (!results_) return 130;  // interrupted while loading: nothing was written
     results_->WriteCsvs();
-    const std::vector<Json> cases = results_->Cases();
-    for (const Json& file : cases) {
-      const Json& row = file.at("case");
-      const auto scene = std::find(names_.begin(), names_.end(), row.at("scene"));
-      if (scene != names_.end() && !row.at("anchor").is_null())
-        anchors_[size_t(scene - names_.begin())] = row.at("anchor");
+    const std::vector<FinishedCase> cases = results_->Cases();
+    for (const FinishedCase& finished : cases) {
+      const auto scene = std::find(names_.begin(), names_.end(), finished.row.Get(column::scene));
+      if (scene != names_.end() && finished.row.Has(column::anchor))
+        anchors_[size_t(scene - names_.begin())] = finished.row.Get(column::anchor);
     }
     WriteRunJson(true, interrupted, cases.size());
     const std::string table = FormatTable(cases);
     fmt::print("{}", table);
-    const bool refused = std::any_of(cases.begin(), cases.end(),
-                                     [](const Json& c) { return c.at("case").at("status") == "refused"; });
+    const auto is = [](const char* status) {
+      return [status](const FinishedCase& c) { return c.row.Get(column::status) == status; };
+    };
+    const bool refused = std::any_of(cases.begin(), cases.end(), is("refused"));
     const std::string folder = results_->path().string();
     fmt::print("cases   {}/cases.csv\nsamples {}/samples.csv\n", folder, folder);
     for (const std::string& stem : stems_) {
@@ -1065,8 +1070,7 @@ class Run {
       throw InputError(fmt::format("--benchmark_filter={}: none of the {} cases is named so; the last is {}",
                                    engine_.filter(), seen_, last_name_));
     }
-    if (std::none_of(cases.begin(), cases.end(),
-                     [](const Json& c) { return c.at("case").at("status") == "timed"; })) {
+    if (std::none_of(cases.begin(), cases.end(), is("timed"))) {
       progress_.Say("no case got a time: the notes above say why");
       return 3;
     }

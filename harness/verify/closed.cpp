@@ -21,6 +21,7 @@
 #include "harness/measure/machine.h"
 #include "harness/measure/measure.h"
 #include "harness/plan/build_options.h"
+#include "harness/plan/plan.h"
 #include "harness/rays/ray_sets.h"
 #include "harness/terminal/interrupt.h"
 #include "harness/terminal/load.h"

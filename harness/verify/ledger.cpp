@@ -10,6 +10,7 @@
 #include <sstream>
 
 #include "accel/base/error.h"
+#include "harness/base/files.h"
 
 namespace raybench {
 namespace fs = std::filesystem;

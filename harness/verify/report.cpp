@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "harness/judge/check.h"
+#include "harness/measure/statistics.h"
 #include "harness/results/table.h"
 #include "harness/verify/verify.h"
 
@@ -205,38 +206,29 @@ std::string FormatExample(const VerifyExample& e) {
   return text + "\n";
 }
 
-std::vector<std::string> VerdictColumns() {
-  std::vector<std::string> columns = {"scene",   "scene_hash", "primitives", "structure", "spec",
-                                      "params",  "claim",      "held",       "oracle",    "seed",
-                                      "ray_set", "query",      "rays"};
-  for (size_t v = 0; v < size_t(Verdict::kCount); ++v) columns.push_back(VerdictName(Verdict(v)));
-  for (const char* c : {"strict", "t_error_p50", "t_error_p99", "t_error_max", "leak_upper", "plain_upper"})
-    columns.push_back(c);
-  return columns;
-}
-
-std::vector<Json> VerdictRows(const VerifiedTree& tree) {
-  std::vector<Json> rows;
-  for (const VerdictRow& row : tree.rows) {
-    const VerdictCounts& c = row.counts;
-    Json values = {{"structure", tree.contestant.structure->name},
-                   {"spec", tree.contestant.Spec()},
-                   {"params", tree.contestant.Params()},
-                   {"claim", ClaimName(tree.claim)},
-                   {"held", !BreaksClaim(tree.claim, c)},
-                   {"ray_set", row.set},
-                   {"query", row.query == RB_ANY ? "any" : "closest"},
-                   {"rays", c.rays}};
-    for (size_t v = 0; v < size_t(Verdict::kCount); ++v) values[VerdictName(Verdict(v))] = c.by_class[v];
-    values["strict"] = c.strict;
-    if (row.t_errors.count() > 0) {
-      values["t_error_p50"] = row.t_errors.Percentile(50);
-      values["t_error_p99"] = row.t_errors.Percentile(99);
-      values["t_error_max"] = row.t_errors.Max();
+std::vector<Row> VerdictRows(const VerifiedTree& tree) {
+  std::vector<Row> rows;
+  for (const VerdictRow& verdict : tree.rows) {
+    const VerdictCounts& c = verdict.counts;
+    Row row;
+    row[column::structure] = tree.contestant.structure->name;
+    row[column::spec] = tree.contestant.Spec();
+    row[column::params] = tree.contestant.Params();
+    row[column::claim] = ClaimName(tree.claim);
+    row[column::held] = !BreaksClaim(tree.claim, c);
+    row[column::ray_set] = verdict.set;
+    row[column::query] = verdict.query == RB_ANY ? "any" : "closest";
+    row[column::rays] = c.rays;
+    for (size_t v = 0; v < size_t(Verdict::kCount); ++v) row[ClassColumn(Verdict(v))] = c.by_class[v];
+    row[column::strict] = c.strict;
+    if (verdict.t_errors.count() > 0) {
+      row[column::t_error_p50] = verdict.t_errors.Percentile(50);
+      row[column::t_error_p99] = verdict.t_errors.Percentile(99);
+      row[column::t_error_max] = verdict.t_errors.Max();
     }
-    values["leak_upper"] = UpperRate(c.leaks(), c.rays);
-    values["plain_upper"] = UpperRate(c.plain_errors(), c.rays);
-    rows.push_back(std::move(values));
+    row[column::leak_upper] = UpperRate(c.leaks(), c.rays);
+    row[column::plain_upper] = UpperRate(c.plain_errors(), c.rays);
+    rows.push_back(std::move(row));
   }
   return rows;
 }

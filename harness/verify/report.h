@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "accel/host/registry.h"
+#include "harness/base/columns.h"
 #include "harness/base/json.h"
 #include "harness/judge/tree_statistics.h"
 #include "harness/truth/oracle.h"
@@ -88,10 +89,8 @@ std::string FormatExample(const VerifyExample& example);
 /// "< 3.0e-6": the upper bound at 95 % of a rate.
 std::string FormatUpperRate(uint64_t events, uint64_t trials);
 
-/// The columns of verdicts.csv in order, and a tree's rows with these keys (those that do not apply left
-/// out).
-std::vector<std::string> VerdictColumns();
-std::vector<Json> VerdictRows(const VerifiedTree& tree);
+/// A tree's rows of verdicts.csv (kVerdictsColumns), without what they share with other trees of the scene.
+std::vector<Row> VerdictRows(const VerifiedTree& tree);
 Json FactsOf(const VerifiedTree& tree);
 /// The ray in the coordinates of the scene's file.
 Json FactsOf(const VerifyExample& example, int scale_exponent);

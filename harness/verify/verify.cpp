@@ -110,7 +110,7 @@ struct SceneSum {
     broken += s.broken, answers += s.answers, watertight += s.watertight, leaks += s.leaks;
     plain += s.plain, exact += s.exact, loose += s.loose;
   }
-  std::vector<std::string> Row() const {
+  std::vector<std::string> Cells() const {
     std::vector<std::string> row{scene};
     for (uint64_t n : {primitives, trees, without, answers, watertight, leaks, plain, exact, loose, broken})
       row.push_back(std::to_string(n));
@@ -409,10 +409,10 @@ class Verification {
                 "plain errors", "of exact", "not exact", "broken", "s"});
     SceneSum total{"all", 0, 0};
     for (const SceneSum& s : sums_) {
-      table.Add(s.Row());
+      table.Add(s.Cells());
       total.Add(s);
     }
-    table.Add(total.Row());
+    table.Add(total.Cells());
     return table.Format(1, 150);
   }
 
@@ -428,10 +428,12 @@ class Verification {
     for (const Entrant& entrant : entrants_) {
       const VerifiedTree& result = entrant.result;
       facts["structures"].push_back(FactsOf(result));
-      for (Json& row : VerdictRows(result)) {
-        row["scene"] = scene_name(), row["scene_hash"] = scene().hash();
-        row["primitives"] = scene().primitive_count();
-        row["oracle"] = oracle_->Name(), row["seed"] = options_.seed;
+      for (Row& row : VerdictRows(result)) {
+        row[column::scene] = scene_name();
+        row[column::scene_hash] = scene().hash();
+        row[column::primitives] = scene().primitive_count();
+        row[column::oracle] = oracle_->Name();
+        row[column::seed] = options_.seed;
         rows_.push_back(std::move(row));
       }
       for (const VerifyExample& example : result.examples) {
@@ -462,32 +464,18 @@ class Verification {
   }
 
   void WriteFiles(bool interrupted) const {
-    const std::vector<std::string> columns = VerdictColumns();
-    std::string csv = fmt::format("{}\n", fmt::join(columns, ","));
-    for (const Json& row : rows_) {
-      std::vector<std::string> fields;
-      for (const std::string& column : columns)
-        fields.push_back(row.contains(column) ? CsvField(row.at(column)) : std::string());
-      csv += fmt::format("{}\n", fmt::join(fields, ","));
-    }
+    std::string csv = CsvHeader(kVerdictsColumns) + "\n";
+    for (const Row& row : rows_) csv += row.ToCsv(kVerdictsColumns) + "\n";
     const fs::path out(options_.out);
     Json structures = Json::array();
     for (const Contestant& c : contestants_) structures.push_back(FactsOf(c, registry_));
-    const Json facts = {{"format", 1},
-                        {"command_line", options_.command_line},
-                        {"interrupted", interrupted},
-                        {"seed", options_.seed},
-                        {"plugins", options_.plugins},
-                        {"build", BuildFacts()},
-                        {"machine", MachineFacts()},
-                        {"libraries", LibraryFacts()},
-                        {"structures", structures},
-                        {"scenes", scene_facts_}};
-    const auto dump = [](const Json& json) {
-      return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
-    };
-    WriteFileAtomically(out / "examples.json", dump(examples_));
-    WriteFileAtomically(out / "verify.json", dump(facts));
+    const Json facts = {{"format", kResultFormat},     {"command_line", options_.command_line},
+                        {"interrupted", interrupted},  {"seed", options_.seed},
+                        {"plugins", options_.plugins}, {"build", BuildFacts()},
+                        {"machine", MachineFacts()},   {"libraries", LibraryFacts()},
+                        {"structures", structures},    {"scenes", scene_facts_}};
+    WriteFileAtomically(out / "examples.json", Dump(examples_));
+    WriteFileAtomically(out / "verify.json", Dump(facts));
     WriteFileAtomically(out / "verdicts.csv", csv);
     fmt::print("verdicts {}\n", (out / "verdicts.csv").string());
     if (!examples_.empty()) fmt::print("examples {}\n", (out / "examples.json").string());
@@ -505,7 +493,7 @@ class Verification {
   bool broken_ = false, inconclusive_ = false;
   DistinctNames distinct_;
   Json examples_ = Json::array(), scene_facts_ = Json::array();
-  std::vector<Json> rows_;
+  std::vector<Row> rows_;
   std::vector<SceneSum> sums_;
 
   // Of the current scene.

@@ -13,14 +13,7 @@ import pandas as pd
 from matplotlib.lines import Line2D
 
 from . import page, style
-from .results import VERDICTS, RunError, read_json, read_table, write_atomically
-
-TEXT = ["suite", "variant", "structure", "spec", "params", "status", "note", "claim", "oracle"]
-NUMBERS = [
-    "magnitude", "in_range", "triangles", "rays", *VERDICTS, "failures", "failure_rate", "failure_bound", "second_rays",
-    "second", "second_rate", "second_bound", "other_primitive", "t_error_p50", "t_error_p99", "t_error_max", "depth",
-    "node_bytes", "prim_bytes", "build_ms", "ns_per_ray", "seed",
-]  # fmt: skip
+from .results import RunError, read_info, read_table, write_atomically
 
 WIDTH = 2 * style.COLUMN
 BROKEN = "#b00020"
@@ -77,8 +70,8 @@ def _rank(arithmetic):
 def read(directory):
     """Reads DIR/extremes.csv and extremes.json. Throws RunError."""
     directory = Path(directory)
-    rows = read_table(directory / "extremes.csv", TEXT, NUMBERS)
-    info = read_json(directory / "extremes.json")
+    info = read_info(directory / "extremes.json")
+    rows = read_table(directory / "extremes.csv")
     if rows.empty:
         raise RunError(f"{directory / 'extremes.csv'}: no rows, so there is nothing to draw")
     known = {suite.get("name") for suite in info.get("suites", [])}

@@ -9,22 +9,11 @@ from pathlib import Path
 
 import pandas as pd
 
-SAMPLE_TEXT = ["case_id", "scene", "structure", "spec", "ray_set", "query"]
-SAMPLE_NUMBERS = ["threads", "sample", "sequence", "passes", "rays", "seconds", "cpu_seconds"]
-CASE_TEXT = [
-    "case_id", "scene", "scene_hash", "structure", "spec", "params", "ray_set", "ray_hash", "query", "order", "status",
-    "note", "claim", "oracle", "anchor",
-]  # fmt: skip
+from . import columns
+
 VERDICTS = [
     "exact", "tie", "neighbour", "leak", "wrong", "wrong_marginal", "false_miss", "false_miss_marginal", "false_hit",
     "false_hit_marginal",
-]  # fmt: skip
-CASE_NUMBERS = [
-    "primitives", "rays", "threads", "seed", "verified", *VERDICTS, "t_error_p50", "t_error_p99", "t_error_max", "hits",
-    "steps", "leaves", "empty_leaves", "bounds", "prims", "bytes", "lcv", "inner_nodes", "leaf_nodes",
-    "empty_leaf_nodes", "references", "depth", "sah_cost", "epo", "leaf_depth", "tightness", "node_bytes", "prim_bytes",
-    "needs_geometry", "build_peak_bytes", "cold_ns", "samples", "timed_rays", "median_ns", "lo_ns", "hi_ns", "rate",
-    "anchor_ns",
 ]  # fmt: skip
 
 # The structure that always misses: what it costs is the harness's own cost.
@@ -76,9 +65,9 @@ def read(directory):
     directory = Path(directory)
     if not directory.is_dir():
         raise RunError(f"{directory}: no such directory")
-    cases = read_table(directory / "cases.csv", CASE_TEXT, CASE_NUMBERS)
-    samples = read_table(directory / "samples.csv", SAMPLE_TEXT, SAMPLE_NUMBERS)
-    info = read_json(directory / "run.json")
+    info = read_info(directory / "run.json")
+    cases = read_table(directory / "cases.csv")
+    samples = read_table(directory / "samples.csv")
     if not (timed(cases)["structure"] != NULL).any():
         raise RunError(f"{directory / 'cases.csv'}: nothing timed, so there is nothing to draw")
     return Run(directory, _with_labels(cases), samples, info)
@@ -108,8 +97,8 @@ def in_parallel(function, calls):
         return [future.result() for future in [pool.submit(function, *arguments) for arguments in calls]]
 
 
-def read_table(path, text, numbers):
-    """A CSV table with at least these columns; text that is absent is empty, numbers NaN. Throws RunError."""
+def read_table(path):
+    """A CSV table that stands in columns.json; text that is absent is empty, numbers NaN. Throws RunError."""
     if not path.is_file():
         raise RunError(f"{path}: missing; is this what `raybench run --out DIR` wrote?")
     try:
@@ -117,7 +106,10 @@ def read_table(path, text, numbers):
         table = pd.read_csv(path, dtype=str, keep_default_na=False, na_values=[""])
     except (ValueError, UnicodeDecodeError) as error:  # pandas' own errors are ValueErrors
         raise RunError(f"{path}: not a CSV table: {' '.join(str(error).split())}") from None
-    absent = [column for column in [*text, *numbers] if column not in table.columns]
+    types = {name: kind for name, kind, *_ in columns.columns_of(path.name)}
+    text = [name for name, kind in types.items() if kind == "text"]
+    numbers = [name for name in types if name not in text]
+    absent = [column for column in types if column not in table.columns]
     if absent:
         raise RunError(f"{path}: missing columns: {', '.join(absent)}")
     for column in numbers:
@@ -140,6 +132,17 @@ def read_json(path):
         raise RunError(f"{path}: not JSON: {error}") from None
     if not isinstance(info, dict):
         raise RunError(f"{path}: not a JSON object")
+    return info
+
+
+def read_info(path):
+    """run.json, verify.json or extremes.json, of the result format that this program reads. Throws RunError."""
+    info = read_json(path)
+    if info.get("format") != columns.FORMAT:
+        raise RunError(
+            f"{path}: result format {info.get('format', 'unknown')}; this raybench reads {columns.FORMAT}: measure again, "
+            "or use the raybench that wrote it"
+        )
     return info
 
 

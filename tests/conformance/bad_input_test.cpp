@@ -223,7 +223,7 @@ TEST_P(BadInput, ARunCountsInvalidRaysAndRefusesNobodyForThem) {
     set.picked = set.set.rays;
     set.truth = oracle->Ask(set.picked, 1);
     Answers answers(set.set.rays.size()), counted(set.set.rays.size());
-    Json values = Json::object();
+    Row values;
     EXPECT_EQ(CheckAnswers(tree, *oracle, scene.primitive_count(), set, values, answers, counted), "");
     for (size_t i = 0; i < set.set.invalid_rays; ++i) {
       EXPECT_FALSE(query == RB_ANY ? answers.occluded[i] != 0 : answers.hits[i].prim != RAYBENCH_NONE) << i;

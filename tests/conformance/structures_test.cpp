@@ -5,6 +5,7 @@
 
 #include <cstring>
 
+#include "accel/host/parameters.h"
 #include "harness/truth/oracle.h"
 #include "tests/support/conformance.h"
 #include "tests/support/effort.h"

@@ -9,6 +9,7 @@
 #include <span>
 
 #include "accel/base/memory.h"
+#include "accel/host/parameters.h"
 #include "tests/support/datasets.h"
 
 namespace raybench {

@@ -239,7 +239,7 @@ TEST_F(HarnessCommand, TinyRunLeavesEveryFileWithEveryColumn) {
   uint64_t samples = 0;
   for (const auto& row : rows) {
     SCOPED_TRACE(row.at("spec") + " " + row.at("ray_set"));
-    for (const char* column : CaseColumns()) EXPECT_TRUE(row.contains(column)) << column;
+    for (const Column& column : kCasesColumns) EXPECT_TRUE(row.contains(column.name)) << column.name;
     EXPECT_EQ(row.at("status"), "timed");
     EXPECT_EQ(row.at("samples"), "6");
     EXPECT_EQ(row.at("timed_rays"), row.at("rays")) << "nothing is below the smallest part";
@@ -285,9 +285,9 @@ TEST_F(HarnessCommand, TinyRunLeavesEveryFileWithEveryColumn) {
   EXPECT_EQ(sample_rows.size(), samples);
   std::set<std::string> sequence;
   for (const auto& row : sample_rows) {
-    for (const char* column : SampleColumns()) {
-      const bool applies = std::string_view(column) != "rays" || row.at("query") != "build";
-      EXPECT_EQ(row.at(column) != "", applies) << column;
+    for (const Column& column : kSamplesColumns) {
+      const bool applies = std::string_view(column.name) != "rays" || row.at("query") != "build";
+      EXPECT_EQ(row.at(column.name) != "", applies) << column.name;
     }
     EXPECT_TRUE(sequence.insert(row.at("sequence")).second) << "each sample has its own place in the order";
     EXPECT_GE(std::stoull(row.at("passes")), 1u);
@@ -314,9 +314,7 @@ TEST_F(HarnessCommand, SameSeedGivesTheSameCasesApartFromTimes) {
   }
   const auto without_times = [&](const char* out) {
     auto rows = ReadCsv(folder_ / out / "cases.csv");
-    for (auto& row : rows) {
-      for (const char* c : kTimeColumns) row.erase(c);
-    }
+    for (auto& row : rows) EraseVarying(row);
     return rows;
   };
   EXPECT_EQ(without_times("a"), without_times("b"));
@@ -403,8 +401,7 @@ TEST_F(HarnessCommand, GroupsThatFitTheMemoryGiveTheSameAsOneGroup) {
     const Outcome outcome = Call(command);
     EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
     auto rows = ReadCsv(folder_ / out / "cases.csv");
-    for (auto& row : rows)
-      for (const char* c : kTimeColumns) row.erase(c);
+    for (auto& row : rows) EraseVarying(row);
     return rows;
   };
   const auto one = run("one", {}), groups = run("groups", {"--memory-limit", "5M"});

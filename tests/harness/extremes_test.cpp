@@ -34,8 +34,8 @@ std::vector<Json> Measure(const std::string& name, std::initializer_list<const c
   std::vector<Json> rows;
   for (const Point& point : suite.points()) {
     if (!point.valid || point.magnitude > most) continue;
-    for (Json& row : MeasurePoint(suite, point, Contestants(specs), {rays, 5, {}}))
-      rows.push_back(std::move(row));
+    for (const Row& row : MeasurePoint(suite, point, Contestants(specs), {rays, 5, {}}))
+      rows.push_back(row.ToJson(kExtremesColumns));
   }
   return rows;
 }
@@ -99,7 +99,9 @@ TEST(Extremes, WatertightDoesNotFailWhereFastDoes) {
 TEST(Extremes, TheSceneModelRescalesAndRefuses) {
   std::vector<Json> rows;
   for (const Point& point : FindSuite("scale").points())
-    rows.push_back(MeasurePoint(FindSuite("scale"), point, Contestants({"bvh_sah"}), {64, 5, {}}).front());
+    rows.push_back(MeasurePoint(FindSuite("scale"), point, Contestants({"bvh_sah"}), {64, 5, {}})
+                       .front()
+                       .ToJson(kExtremesColumns));
   std::set<int> refused;
   bool rescaled = false;
   for (const Json& row : rows) {

@@ -13,7 +13,7 @@ namespace raybench {
 namespace {
 
 using ::testing::HasSubstr;
-using Row = std::map<std::string, std::string>;
+using Fields = std::map<std::string, std::string>;
 
 class HarnessRays : public HarnessCommand {
  protected:
@@ -47,10 +47,10 @@ class HarnessRays : public HarnessCommand {
     return Call(words);
   }
   /// Without times and places in the plan.
-  std::set<Row> Cases(const std::string& out) {
-    std::set<Row> rows;
-    for (Row row : ReadCsv(folder_ / out / "cases.csv")) {
-      for (const char* c : kTimeColumns) row.erase(c);
+  std::set<Fields> Cases(const std::string& out) {
+    std::set<Fields> rows;
+    for (Fields row : ReadCsv(folder_ / out / "cases.csv")) {
+      EraseVarying(row);
       rows.insert(row);
     }
     return rows;
@@ -69,11 +69,11 @@ TEST_F(HarnessRays, ReplayingIsTheSameCasesWithTheSameHits) {
     ASSERT_EQ(Run({scene, "--rays", "256", "--shuffled"}, "captured" + n).exit_code, 0);
     const Outcome replay = Run({scene, "--rays", In("rays" + n)}, "replayed" + n);
     ASSERT_EQ(replay.exit_code, 0) << replay.err;
-    const std::set<Row> captured = Cases("captured" + n), replayed = Cases("replayed" + n);
+    const std::set<Fields> captured = Cases("captured" + n), replayed = Cases("replayed" + n);
     EXPECT_EQ(captured, replayed);
     std::set<std::string> sets;
     uint64_t hits = 0;
-    for (const Row& row : replayed) {
+    for (const Fields& row : replayed) {
       EXPECT_EQ(row.at("status"), "timed");
       if (row.at("query") == "build") continue;
       sets.insert(row.at("ray_set") + " " + row.at("order") + " " + row.at("query"));
@@ -105,7 +105,7 @@ TEST_F(HarnessRays, FilesGoToTheScenesTheyBelongTo) {
       Run({b, a, "--rays", In("b/random.rays"), "--rays", In("a"), "--rays", "100", "--shuffled"}, "out");
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   std::set<std::string> sets;
-  for (const Row& row : Cases("out")) {
+  for (const Fields& row : Cases("out")) {
     if (row.at("query") == "build") continue;
     EXPECT_EQ(row.at("rays"), "100");
     sets.insert(row.at("scene") + " " + row.at("ray_set") + " " + row.at("order"));

@@ -8,8 +8,8 @@
 #include <set>
 #include <sstream>
 
-#include "harness/base/json.h"
-#include "harness/measure/build_info.h"
+#include "harness/base/columns.h"
+#include "harness/judge/check.h"
 #include "harness/measure/measure.h"
 #include "harness/results/table.h"
 #include "tests/support/files.h"
@@ -79,21 +79,64 @@ TEST(HarnessCsv, QuotesWhatNeedsItAndLeavesNullEmpty) {
   EXPECT_EQ(std::stod(CsvField(1.0 / 3)), 1.0 / 3);
 }
 
+TEST(HarnessRow, ReadsBackWhatItWroteAndRefusesWhatIsOfAnotherTableOrType) {
+  Row row;
+  row[column::scene] = "s";
+  row[column::hits] = 18446744073709551615u;
+  row[column::sah_cost] = 1.0 / 3;
+  row[column::needs_geometry] = true;
+  row[column::epo] = std::optional<double>();
+  const Row read(Json::parse(Dump(row.ToJson(kCasesColumns))), kCasesColumns);
+  EXPECT_EQ(read.Get(column::scene), "s");
+  EXPECT_EQ(read.Get(column::hits), 18446744073709551615u);
+  EXPECT_EQ(read.Get(column::sah_cost), 1.0 / 3);
+  EXPECT_EQ(read.Get(column::needs_geometry), true);
+  EXPECT_FALSE(read.Has(column::epo));
+  EXPECT_EQ(read.Get(column::epo), std::nullopt);
+  EXPECT_EQ(read.ToCsv(kCasesColumns), row.ToCsv(kCasesColumns));
+  EXPECT_THROW(row.ToJson(kSamplesColumns), std::logic_error) << "samples have no hits";
+  for (const char* text : {R"([])", R"({"stauts": "timed"})", R"({"hits": -1})", R"({"hits": 1.5})",
+                           R"({"needs_geometry": 2})", R"({"scene": 1})", R"({"sah_cost": "much"})"})
+    EXPECT_THROW(Row(Json::parse(text), kCasesColumns), std::invalid_argument) << text;
+  EXPECT_NO_THROW(Row(Json::parse(R"({"sah_cost": 3, "note": null})"), kCasesColumns));
+}
+
+TEST(HarnessRow, EveryVerdictIsAColumnOfEveryTableThatCountsThem) {
+  for (size_t v = 0; v < size_t(Verdict::kCount); ++v) {
+    Row row;
+    row[ClassColumn(Verdict(v))] = 1u;
+    EXPECT_NO_THROW(row.ToJson(kCasesColumns));
+    EXPECT_NO_THROW(row.ToJson(kVerdictsColumns));
+    EXPECT_NO_THROW(row.ToJson(kExtremesColumns));
+  }
+}
+
+/// A row with a status alone.
+Row Ended(const char* status) {
+  Row row;
+  row[column::status] = status;
+  return row;
+}
+
 TEST_F(HarnessResults, StoredCasesComeBackInPlanOrderAndAsCsv) {
   const ResultFolder folder(folder_, false);
   Case second = ACase(), first = ACase();
   second.plan_index = 7, first.plan_index = 3, first.threads = 1;
   const Sample sample{0, 4, 12, {0.25, 1.0 / 3}};
   EXPECT_FALSE(folder.Has(second.Id()));
-  folder.Store(second, {{"status", "timed"}, {"steps", 1.0 / 3}, {"hits", 12}, {"timed_rays", 128}},
-               std::span(&sample, 1));
-  folder.Store(first, {{"status", "refused"}, {"note", "claims \"exact\", but"}}, {});
+  Row timed = Ended("timed"), refused = Ended("refused");
+  timed[column::steps] = 1.0 / 3;
+  timed[column::hits] = 12u;
+  timed[column::timed_rays] = 128u;
+  refused[column::note] = "claims \"exact\", but";
+  folder.Store(second, timed, std::span(&sample, 1));
+  folder.Store(first, refused, {});
   EXPECT_TRUE(folder.Has(second.Id()));
-  const std::vector<Json> cases = folder.Cases();
+  const std::vector<FinishedCase> cases = folder.Cases();
   ASSERT_EQ(cases.size(), 2u);
-  EXPECT_EQ(cases[0].at("case").at("case_id"), first.Id());
-  EXPECT_EQ(cases[1].at("case").at("steps").get<double>(), 1.0 / 3);
-  EXPECT_TRUE(cases[0].at("case").at("median_ns").is_null());
+  EXPECT_EQ(cases[0].row.Get(column::case_id), first.Id());
+  EXPECT_EQ(cases[1].row.Get(column::steps), 1.0 / 3);
+  EXPECT_FALSE(cases[0].row.Has(column::median_ns));
   folder.WriteCsvs();
   const std::string csv = Read(folder_ / "cases.csv");
   EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 3);
@@ -112,12 +155,14 @@ TEST_F(HarnessResults, StoredCasesComeBackInPlanOrderAndAsCsv) {
     EXPECT_NE(entry.path().extension(), ".tmp");
 }
 
-TEST_F(HarnessResults, AColumnThatDoesNotExistIsAProgrammingError) {
-  EXPECT_THROW(ResultFolder(folder_, false).Store(ACase(), {{"stauts", "timed"}}, {}), std::logic_error);
+TEST_F(HarnessResults, AColumnOfAnotherTableIsAProgrammingError) {
+  Row row;
+  row[column::suite] = "far";
+  EXPECT_THROW(ResultFolder(folder_, false).Store(ACase(), row, {}), std::logic_error);
 }
 
 TEST_F(HarnessResults, AFolderWithCasesNeedsResume) {
-  ResultFolder(folder_, false).Store(ACase(), {{"status", "timed"}}, {});
+  ResultFolder(folder_, false).Store(ACase(), Ended("timed"), {});
   try {
     ResultFolder(folder_, false);
     FAIL() << "accepted";
@@ -130,44 +175,46 @@ TEST_F(HarnessResults, AFolderWithCasesNeedsResume) {
 
 TEST_F(HarnessResults, ABrokenCaseFileIsNamed) {
   const ResultFolder folder(folder_, false);
-  std::ofstream(folder_ / "cases" / "0000000000000000.json") << "{\"format\": 1,";
-  try {
-    folder.Cases();
-    FAIL() << "accepted";
-  } catch (const InputError& error) {
-    EXPECT_NE(std::string(error.what()).find("0000000000000000.json"), std::string::npos);
-  }
-}
-
-TEST_F(HarnessResults, EveryColumnIsDocumented) {
-  const std::string readme = Read(fs::path(kSourceDirectory) / "reports" / "README.md");
-  for (const char* column : CaseColumns()) {
-    const std::string name = column;
-    // The verdict classes stand there as a range and as words.
-    EXPECT_TRUE(readme.find("`" + name + "`") != std::string::npos ||
-                readme.find(name + ",") != std::string::npos || readme.find(name + ")") != std::string::npos)
-        << name;
+  for (const char* text : {"{\"format\": 1,", "[]", "{\"format\": 999}",
+                           R"({"format": 1, "plan_index": 0, "case": {"hits": "many"}, "samples": []})"}) {
+    std::ofstream(folder_ / "cases" / "0000000000000000.json") << text;
+    try {
+      folder.Cases();
+      FAIL() << "accepted: " << text;
+    } catch (const InputError& error) {
+      const std::string line = error.what();
+      EXPECT_NE(line.find("0000000000000000.json: not a case file of this raybench ("), std::string::npos);
+      EXPECT_EQ(line.find('\n'), std::string::npos);
+    }
   }
 }
 
 TEST(HarnessTable, FitsIntoItsWidthAndShowsRatiosToTheAnchorOnTheSameRays) {
-  std::vector<Json> cases;
+  std::vector<FinishedCase> cases;
   for (const char* structure : {"bvh_sah", "embree"}) {
     for (const char* set : {"build", "camera", "shadow.0", "shadow.1", "reflection.1", "reflection.2",
                             "refraction.1", "refraction.2", "random", "diffuse", "aimed"}) {
-      Json row;
-      for (const char* column : CaseColumns()) row[column] = nullptr;
-      row["scene"] = "s", row["primitives"] = 10, row["structure"] = structure, row["spec"] = structure;
-      row["ray_set"] = set, row["query"] = std::string(set) == "build" ? "build" : "closest";
-      row["status"] = "timed", row["claim"] = "watertight", row["threads"] = 1, row["rays"] = 100,
-      row["verified"] = 100;
-      row["leak"] = 0, row["rate"] = structure[0] == 'b' ? 2.5e6 : 1e7, row["median_ns"] = 5e6,
-      row["steps"] = 12.5;
       // bvh_sah is timed on a part, where embree takes 4 ns a ray less than on all rays.
       const bool part = structure[0] == 'b';
-      row["timed_rays"] = part ? 25 : 100, row["median_ns"] = part ? 400 : 104;
-      row["anchor"] = "embree", row["anchor_ns"] = part ? 100 : 104;
-      cases.push_back({{"case", row}});
+      Row row = Ended("timed");
+      row[column::scene] = "s";
+      row[column::primitives] = 10u;
+      row[column::structure] = structure;
+      row[column::spec] = structure;
+      row[column::ray_set] = set;
+      row[column::query] = std::string(set) == "build" ? "build" : "closest";
+      row[column::claim] = "watertight";
+      row[column::threads] = 1u;
+      row[column::rays] = 100u;
+      row[column::verified] = 100u;
+      row[column::leak] = 0u;
+      row[column::rate] = part ? 2.5e6 : 1e7;
+      row[column::steps] = 12.5;
+      row[column::timed_rays] = part ? 25u : 100u;
+      row[column::median_ns] = part ? 400.0 : 104.0;
+      row[column::anchor] = "embree";
+      row[column::anchor_ns] = part ? 100.0 : 104.0;
+      cases.push_back({cases.size(), std::move(row), {}});
     }
   }
   const std::string table = FormatTable(cases);

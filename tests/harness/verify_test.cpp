@@ -19,7 +19,7 @@ namespace {
 
 using ::testing::HasSubstr;
 using ::testing::Not;
-using Row = std::map<std::string, std::string>;
+using Fields = std::map<std::string, std::string>;
 
 constexpr const char* kBall = "icosphere(level=2)";
 constexpr const char* kClasses[] = {
@@ -37,7 +37,7 @@ class HarnessVerify : public HarnessCommand {
     words.insert(words.begin(), "verify");
     return Call(words);
   }
-  static uint64_t Number(const Row& row, const std::string& column) { return std::stoull(row.at(column)); }
+  static uint64_t Number(const Fields& row, const std::string& column) { return std::stoull(row.at(column)); }
 };
 
 /// Short; by hand it takes more rays, and the models that are fetched.
@@ -59,7 +59,7 @@ TEST_F(HarnessVerify, AllTakesEveryGeneratorEveryStructureAndEachOfItsNumerics) 
   ASSERT_EQ(outcome.exit_code, 0) << outcome.out << outcome.err;
   EXPECT_THAT(outcome.err, HasSubstr("models that are not fetched are left out: sponza, dungeon, "));
   std::set<std::string> judged, scenes;
-  for (const Row& row : ReadCsv(folder_ / "out" / "verdicts.csv")) {
+  for (const Fields& row : ReadCsv(folder_ / "out" / "verdicts.csv")) {
     judged.insert(row.at("spec").substr(0, row.at("spec").find('(')));
     scenes.insert(row.at("scene").substr(0, row.at("scene").find('(')));
   }
@@ -91,7 +91,7 @@ TEST_F(HarnessVerify, WatertightHoldsOnEverySetAndFastDoesNot) {
   EXPECT_THAT(outcome.out, HasSubstr("; structure: ok\n"));
   std::set<std::string> seen;
   uint64_t fast_leaks = 0;
-  for (const Row& row : ReadCsv(folder_ / "out" / "verdicts.csv")) {
+  for (const Fields& row : ReadCsv(folder_ / "out" / "verdicts.csv")) {
     SCOPED_TRACE(row.at("spec") + " " + row.at("ray_set") + " " + row.at("query"));
     seen.insert(row.at("spec") + " " + row.at("ray_set") + " " + row.at("query"));
     uint64_t sum = 0;
@@ -136,7 +136,7 @@ TEST_F(HarnessVerify, WhatClaimsExactIsHeldToTheBit) {
                                     "exact to the bit\n",
                                     answers)));
   uint64_t loose = 0;
-  for (const Row& row : ReadCsv(folder_ / "out" / "verdicts.csv")) {
+  for (const Fields& row : ReadCsv(folder_ / "out" / "verdicts.csv")) {
     if (row.at("spec") == "bvh_sah") loose += Number(row, "rays") - Number(row, "strict");
   }
   EXPECT_GT(loose, 100u);  // watertight is not
@@ -170,7 +170,7 @@ TEST_F(HarnessVerify, ExamplesReplayToTheSameVerdicts) {
   const Outcome files = Verify({kBall, "--structures", spec, "--rays", In("out"), "--out", In("replayed")});
   EXPECT_EQ(files.exit_code, 0) << files.err;
   std::map<std::string, uint64_t> replayed;
-  for (const Row& row : ReadCsv(folder_ / "replayed" / "verdicts.csv")) {
+  for (const Fields& row : ReadCsv(folder_ / "replayed" / "verdicts.csv")) {
     EXPECT_THAT(row.at("ray_set"), HasSubstr("bvh_sah_numerics_fast"));
     if (row.at("query") != "closest") continue;
     for (const char* name : kClasses)
@@ -241,7 +241,7 @@ TEST_F(HarnessVerify, TheDefaultIsEveryStructureAtEachNumericsAndLinearOnesGetAP
   for (const char* spec : {"brute", "brute(numerics=fast)", "bvh_sah", "bvh_sah(numerics=fast)"})
     EXPECT_TRUE(expected.contains(spec)) << spec;
   EXPECT_FALSE(expected.contains("null"));
-  for (const Row& row : ReadCsv(folder_ / "out" / "verdicts.csv")) {
+  for (const Fields& row : ReadCsv(folder_ / "out" / "verdicts.csv")) {
     seen.insert(row.at("spec"));
     const uint64_t rays = Number(row, "rays");
     if (registry.Find(row.at("structure")).capabilities & RB_LINEAR) {
@@ -378,7 +378,7 @@ TEST_F(HarnessVerify, CtrlCKeepsWhatWasFired) {
   EXPECT_EQ(rays % 65536, 0u);
 
   // Verdicts too: what was judged is shown.
-  std::vector<Row> rows;
+  std::vector<Fields> rows;
   for (int seconds = 1; seconds <= 64 && (rows.empty() || Number(rows[0], "rays") == 0); seconds *= 4) {
     fs::remove_all(folder_ / "out");
     const pid_t judging =

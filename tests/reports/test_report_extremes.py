@@ -3,10 +3,9 @@
 import csv
 import json
 import re
-from pathlib import Path
 
 import pytest
-from raybench_report import extremes, style
+from raybench_report import columns, extremes, results, style
 from raybench_report.__main__ import main
 
 PARAMS = {
@@ -16,13 +15,13 @@ PARAMS = {
     "embree": "embree(quality=medium,robust=false)",
     "mine": "mine(size=3)",
 }
+COLUMNS = [name for name, *_ in columns.columns_of("extremes.csv")]
 SPECS = list(PARAMS)
 SUITES = {
     "far": {"axis": "logarithmic", "magnitudes": [0, 1, 10, 100, 1000], "second": "slips through"},
     "scale": {"axis": "linear", "magnitudes": [-120, 0, 120, 128], "second": None},
     "coincident": {"axis": "logarithmic", "magnitudes": [1, 100, 10000], "second": None},
 }
-README = Path(__file__).parents[2] / "reports" / "README.md"
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -35,7 +34,7 @@ def row(suite, magnitude, spec, variant=""):
     """One row of extremes.csv, as a dictionary of texts."""
     n = 1000
     failures = 50 if "fast" in spec or spec == "embree" else 0
-    result = dict.fromkeys(extremes.TEXT + extremes.NUMBERS, "")
+    result = dict.fromkeys(COLUMNS, "")
     result |= {
         "suite": suite, "variant": variant, "magnitude": magnitude, "in_range": int(magnitude != 1000),
         "structure": spec.partition("(")[0], "spec": spec, "params": PARAMS[spec], "triangles": 1280, "seed": 1,
@@ -48,7 +47,7 @@ def row(suite, magnitude, spec, variant=""):
         "t_error_p99": 1.5, "t_error_max": 3, "other_primitive": failures, "depth": "" if spec == "embree" else 9,
         "node_bytes": 64000, "prim_bytes": 0, "build_ms": 1.25, "ns_per_ray": 250,
     }  # fmt: skip
-    result |= dict.fromkeys(extremes.VERDICTS, 0) | {"exact": n - failures, "leak": failures}
+    result |= dict.fromkeys(results.VERDICTS, 0) | {"exact": n - failures, "leak": failures}
     if SUITES[suite]["second"]:
         result |= {"second_rays": n, "second": 0, "second_rate": 0, "second_bound": 0.003}
     return result
@@ -58,7 +57,7 @@ def write(directory, rows):
     """Writes extremes.csv and extremes.json."""
     directory.mkdir(exist_ok=True)
     with open(directory / "extremes.csv", "w", newline="") as file:
-        writer = csv.DictWriter(file, extremes.TEXT + extremes.NUMBERS)
+        writer = csv.DictWriter(file, COLUMNS)
         writer.writeheader()
         writer.writerows(rows)
     suites = [
@@ -66,7 +65,7 @@ def write(directory, rows):
          "failure": "leak or plain error", "second": suite["second"], "range": "up to 100"}
         for name, suite in SUITES.items()
     ]  # fmt: skip
-    (directory / "extremes.json").write_text(json.dumps({"suites": suites, "machine": {"processor": "<Test & Co>"}}))
+    (directory / "extremes.json").write_text(json.dumps({"format": columns.FORMAT, "suites": suites, "machine": {"processor": "<Test & Co>"}}))
     return directory
 
 
@@ -179,11 +178,3 @@ def test_unfit_input_is_told_in_one_line(tmp_path, capsys):
         assert main(["extremes", str(tmp_path / name)]) == 2
         err = capsys.readouterr().err
         assert says in err and err.count("\n") == 1
-
-
-def test_every_column_is_explained():
-    text = README.read_text(encoding="utf-8")
-    section = text[text.index("## extremes.csv") :]
-    for column in extremes.TEXT + extremes.NUMBERS:
-        if column not in extremes.VERDICTS[1:-1]:
-            assert f"`{column}`" in section, column

@@ -7,9 +7,10 @@ import re
 from pathlib import Path
 
 import pytest
-from raybench_report import plots, predictors, results, style
+from raybench_report import columns, plots, predictors, results, style
 from raybench_report.__main__ import main
 
+CASES, SAMPLES = ([name for name, *_ in columns.columns_of(table)] for table in ("cases.csv", "samples.csv"))
 REPORTS_README = Path(__file__).parents[2] / "reports" / "README.md"
 RAY_SETS = [("camera", "closest"), ("shadow.0", "any"), ("reflection.1", "closest"), ("random", "closest")]
 SPECS = {
@@ -28,7 +29,7 @@ def case(spec, scene, ray_set, query, noise, threads=1, **changes):
     ns, build_ns, steps, prims, leaks = SPECS[spec]
     primitives, rays = 66450, 1 << 20
     median = (build_ns * primitives / threads if query == "build" else ns) * noise.uniform(0.6, 1.6)
-    row = dict.fromkeys(results.CASE_TEXT + results.CASE_NUMBERS, "")
+    row = dict.fromkeys(CASES, "")
     row |= {
         "case_id": f"{noise.getrandbits(64):016x}", "scene": scene, "scene_hash": "00ff", "primitives": primitives,
         "structure": spec.partition("(")[0], "spec": spec, "params": "", "ray_set": ray_set, "query": query,
@@ -67,14 +68,14 @@ def write_run(directory, rows):
     """Writes cases.csv, samples.csv and run.json of these rows."""
     directory.mkdir(exist_ok=True)
     with open(directory / "cases.csv", "w", newline="") as file:
-        writer = csv.DictWriter(file, results.CASE_TEXT + results.CASE_NUMBERS)
+        writer = csv.DictWriter(file, CASES)
         writer.writeheader()
         writer.writerows(rows)
     with open(directory / "samples.csv", "w", newline="") as file:
-        writer = csv.DictWriter(file, results.SAMPLE_TEXT + results.SAMPLE_NUMBERS, extrasaction="ignore")
+        writer = csv.DictWriter(file, SAMPLES, extrasaction="ignore")
         writer.writeheader()
         writer.writerows(row | {"sample": 0, "sequence": 0, "passes": 1, "seconds": 0.1} for row in rows)
-    (directory / "run.json").write_text(json.dumps({"machine": {"processor": "<Test & Co>"}, "seed": 1}))
+    (directory / "run.json").write_text(json.dumps({"format": columns.FORMAT, "machine": {"processor": "<Test & Co>"}, "seed": 1}))
     return directory
 
 
@@ -240,10 +241,10 @@ def test_rows_timed_on_a_part_of_the_rays_are_named(tmp_path):
     assert plots._timed_parts(results.timed(whole.queries)) == ""
 
 
-def test_columns_are_those_agreed_on():
+def test_documentation_has_the_columns_as_they_are():
     text = REPORTS_README.read_text(encoding="utf-8")
-    for column in [*results.CASE_TEXT, *results.CASE_NUMBERS]:
-        assert f"`{column}`" in text or column in results.VERDICTS, column
+    for table in ("cases.csv", "samples.csv", "verdicts.csv", "extremes.csv"):
+        assert f"\n{columns.markdown(table)}\n" in text, f"{table}: python -m raybench_report.columns has the table"
 
 
 def spoil_missing_directory(run):
@@ -253,6 +254,11 @@ def spoil_missing_directory(run):
 def spoil_missing_file(run):
     (run / "cases.csv").unlink()
     return run, r"cases\.csv: missing"
+
+
+def spoil_older_format(run):
+    (run / "run.json").write_text(json.dumps({"machine": {}, "seed": 1}))
+    return run, rf"run\.json: result format unknown; this raybench reads {columns.FORMAT}: measure again"
 
 
 def spoil_missing_samples(run):

@@ -15,6 +15,7 @@
 #include <string>
 #include <vector>
 
+#include "harness/base/columns.h"
 #include "harness/measure/build_info.h"
 #include "tests/support/files.h"
 
@@ -22,15 +23,16 @@ namespace raybench {
 
 namespace fs = std::filesystem;
 
-/// The columns of cases.csv that are not the same from run to run.
-inline constexpr const char* kTimeColumns[] = {"build_peak_bytes", "cold_ns", "samples", "timed_rays",
-                                               "median_ns",        "lo_ns",   "hi_ns",   "rate",
-                                               "anchor_ns"};
-
 struct Outcome {
   int exit_code = -1;
   std::string out, err;
 };
+
+/// Takes out of a row of cases.csv what is not the same from run to run.
+inline void EraseVarying(std::map<std::string, std::string>& row) {
+  for (const Column& column : kCasesColumns)
+    if (column.varies) row.erase(column.name);
+}
 
 /// Rows of a CSV file by column name; quoted fields as RFC 4180 says.
 inline std::vector<std::map<std::string, std::string>> ReadCsv(const fs::path& path) {

@@ -1,6 +1,7 @@
 # cmake -DTABLE=FILE -DSOURCE=DIR -P rooms.cmake: refuses an #include of a room that the including one may not use.
 # All rooms share one include folder, so the compiler alone would not see it. Each line of the table is a room, then
 # the rooms it may include.
+cmake_minimum_required(VERSION 3.25)
 file(STRINGS ${TABLE} lines)
 set(faults "")
 foreach(line IN LISTS lines)

@@ -22,6 +22,7 @@
 #include <cmath>
 #include <memory>
 
+#include "accel/base/error.h"
 #include "accel/contract/structure.h"
 #include "accel/contract/valid_ray.h"
 
