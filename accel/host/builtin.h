@@ -8,6 +8,7 @@
 
 namespace raybench {
 
+/// Sorted by name.
 std::vector<const rb_structure*> BuiltinStructures();
 
 }  // namespace raybench

@@ -12,6 +12,7 @@
 #include "harness/measure/machine.h"
 #include "harness/measure/measure.h"
 #include "harness/plan/build_options.h"
+#include "harness/plan/plan.h"
 #include "harness/render/heat.h"
 #include "harness/terminal/interrupt.h"
 #include "harness/terminal/load.h"
@@ -92,11 +93,9 @@ int RenderCommand(const Registry& registry, const RenderOptions& options) {
     throw InputError(fmt::format("scene '{}' has no primitives", options.scene));
   for (const std::string& note : scene.stats.notes) fmt::print("{}: {}\n", options.scene, note);
   if (heat) return RenderHeat(registry, scene, *heat);
-  if (scene.procedural_count() > 0 && (contestant.structure->capabilities & RB_CAN_PROCEDURAL) == 0) {
+  if (const std::string why = WhyNotTaken(*contestant.structure, scene); !why.empty())
     throw InputError(
-        fmt::format("structure '{}' takes triangles only, but scene '{}' has procedural primitives",
-                    contestant.structure->name, options.scene));
-  }
+        fmt::format("structure '{}', scene '{}': {}", contestant.structure->name, options.scene, why));
   SetBackground(options.picture, scene);
   const rb_build_options build =
       BuildOptions(options.threads, options.seed, BuildNeedsOf(scene, trace, *contestant.structure));

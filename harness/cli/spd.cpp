@@ -17,6 +17,7 @@
 #include "harness/measure/machine.h"
 #include "harness/measure/measure.h"
 #include "harness/plan/build_options.h"
+#include "harness/plan/plan.h"
 #include "harness/results/results.h"
 #include "harness/spd/figures.h"
 #include "harness/terminal/interrupt.h"
@@ -195,10 +196,8 @@ class Spd {
   void CountScene(const std::string& name) {
     const Scene scene = LoadWithProgress(name, {});
     if (scene.primitive_count() == 0) throw InputError(fmt::format("scene '{}' has no primitives", name));
-    if (scene.procedural_count() > 0 && (contestant_.structure->capabilities & RB_CAN_PROCEDURAL) == 0)
-      throw InputError(
-          fmt::format("structure '{}' takes triangles only, but scene '{}' has procedural primitives",
-                      contestant_.structure->name, name));
+    if (const std::string why = WhyNotTaken(*contestant_.structure, scene); !why.empty())
+      throw InputError(fmt::format("structure '{}', scene '{}': {}", contestant_.structure->name, name, why));
     const std::string stem = StemOf(scene);
     const auto wanted = [&](const auto& figures) { return figures.scene == stem; };
     const auto grids = std::count_if(std::begin(kSpdGrids), std::end(kSpdGrids), wanted);

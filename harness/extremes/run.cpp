@@ -24,15 +24,6 @@ namespace raybench::extremes {
 namespace fs = std::filesystem;
 namespace {
 
-std::string UtcTime(const char* format) {
-  const std::time_t now = std::time(nullptr);
-  std::tm utc;
-  gmtime_r(&now, &utc);
-  char text[32];
-  std::strftime(text, sizeof text, format, &utc);
-  return text;
-}
-
 /// Every second point of each variant, and its last one.
 std::vector<Point> Thinned(const std::vector<Point>& points) {
   std::vector<Point> kept;

@@ -11,6 +11,7 @@
 
 #include <CLI/Version.hpp>
 #include <algorithm>
+#include <ctime>
 #include <fstream>
 #include <set>
 #include <string>
@@ -195,6 +196,15 @@ std::string VersionText() {
                             "this binary may be "
                             "passed on under those terms only."
                           : "Without CGAL: candidates for truth come from a tree of boxes.";
+  return text;
+}
+
+std::string UtcTime(const char* format) {
+  const std::time_t now = std::time(nullptr);
+  std::tm utc;
+  gmtime_r(&now, &utc);
+  char text[32];
+  std::strftime(text, sizeof text, format, &utc);
   return text;
 }
 

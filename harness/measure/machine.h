@@ -22,6 +22,9 @@ bool HasCgalOracle();
 
 /// Bytes that this process may take at most: the machine's memory, or what its cgroup or `ulimit -v` leaves.
 uint64_t UsableMemory();
+
+/// The time now in UTC, as strftime() formats it.
+std::string UtcTime(const char* format);
 /// Bytes of this process resident now, and the most since ResetPeakMemory(); 0 when the system does not tell.
 uint64_t ResidentMemory();
 uint64_t PeakMemory();

@@ -43,6 +43,11 @@ std::vector<const rb_structure*> ChooseStructures(const Registry& registry, bool
 
 }  // namespace
 
+std::string WhyNotTaken(const rb_structure& structure, const Scene& scene) {
+  if (scene.procedural_count() == 0 || (structure.capabilities & RB_CAN_PROCEDURAL) != 0) return {};
+  return "the scene has procedural primitives and the structure takes triangles only";
+}
+
 std::vector<Contestant> ChooseContestants(const Registry& registry, const std::vector<std::string>& specs) {
   std::vector<Contestant> chosen;
   if (!specs.empty() && !IsEvery(specs)) {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "accel/host/registry.h"
+#include "datasets/scene/scene.h"
 
 namespace raybench {
 
@@ -55,6 +56,9 @@ struct RunOptions {
 /// The model that runs when no scene is named, and the generators beside it.
 inline constexpr const char* kDefaultModel = "engine";
 inline constexpr const char* kDefaultGenerators[] = {"sphereflake", "stadium"};
+
+/// Why the structure cannot be built over the scene, in words; empty if it can.
+std::string WhyNotTaken(const rb_structure& structure, const Scene& scene);
 
 /// The named structures. Without names one of each family and what plugins brought, and with "all" alone
 /// every registered one, at their defaults with the variants worth seeing beside them. Throws InputError:

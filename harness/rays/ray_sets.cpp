@@ -189,18 +189,18 @@ std::vector<std::string> RayFiles(const std::vector<std::string>& paths) {
 }
 
 std::vector<std::vector<SourcedSet>> ReplayRayFiles(const std::vector<std::string>& files,
-                                                    const std::vector<Scene>& scenes, uint64_t limit) {
+                                                    std::span<const Scene* const> scenes, uint64_t limit) {
   std::vector<std::vector<SourcedSet>> sets(scenes.size());
   for (const std::string& path : files) {
     ThrowIfInterrupted();
     const RayFile file = ReadRayFile(path);
     bool fits = false;
     for (size_t i = 0; i < scenes.size(); ++i) {
-      if (file.header.scene_hash != scenes[i].hash()) continue;
+      if (file.header.scene_hash != scenes[i]->hash()) continue;
       fits = true;
-      SourcedSet replayed{ReplayedSet(file, scenes[i]), file.rays.size(), path, Sha256OfFile(path),
+      SourcedSet replayed{ReplayedSet(file, *scenes[i]), file.rays.size(), path, Sha256OfFile(path),
                           file.header.software};
-      if (limit != 0) replayed.set = Thin(replayed.set, limit, scenes[i].bounds());
+      if (limit != 0) replayed.set = Thin(replayed.set, limit, scenes[i]->bounds());
       replayed.set.name = LabelOf(path, replayed.set);
       for (const SourcedSet& other : sets[i])
         if (SameName(other.set, replayed.set))
@@ -210,15 +210,15 @@ std::vector<std::vector<SourcedSet>> ReplayRayFiles(const std::vector<std::strin
     }
     if (fits) continue;
     std::string names;
-    for (const Scene& scene : scenes)
-      names += fmt::format("{}'{}' (hash {})", names.empty() ? "" : " or ", scene.name, scene.hash());
+    for (const Scene* scene : scenes)
+      names += fmt::format("{}'{}' (hash {})", names.empty() ? "" : " or ", scene->name, scene->hash());
     throw InputError(fmt::format("{}: was recorded in '{}' (hash {}), not in {}", path, file.header.scene,
                                  file.header.scene_hash, names));
   }
   for (size_t i = 0; i < scenes.size(); ++i)
     if (sets[i].empty())
       throw InputError(fmt::format("scene '{}' (hash {}): none of the ray files was recorded in it",
-                                   scenes[i].name, scenes[i].hash()));
+                                   scenes[i]->name, scenes[i]->hash()));
   return sets;
 }
 

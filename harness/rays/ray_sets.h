@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -50,7 +51,7 @@ std::vector<std::string> RayFiles(const std::vector<std::string>& paths);
 /// `limit` rays (0: all). Throws InputError: a broken file, one that belongs to none of the scenes, a scene
 /// that gets none, two sets of a scene with the same label and order.
 std::vector<std::vector<SourcedSet>> ReplayRayFiles(const std::vector<std::string>& files,
-                                                    const std::vector<Scene>& scenes, uint64_t limit);
+                                                    std::span<const Scene* const> scenes, uint64_t limit);
 
 /// Puts a shuffled twin behind each set that has none yet.
 void AddShuffledTwins(std::vector<SourcedSet>& sets, uint64_t seed, const Bounds3& bounds);

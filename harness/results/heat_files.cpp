@@ -7,6 +7,7 @@
 #include <system_error>
 
 #include "harness/base/files.h"
+#include "harness/plan/plan.h"
 
 namespace raybench {
 namespace fs = std::filesystem;
@@ -79,8 +80,7 @@ void HeatFiles::Put(Json entry) {
 }
 
 std::string WhyNotCounted(const rb_structure& structure, const Scene& scene) {
-  if (scene.primitive_count() > scene.triangles.size() && (structure.capabilities & RB_CAN_PROCEDURAL) == 0)
-    return "takes triangles only";
+  if (!WhyNotTaken(structure, scene).empty()) return "takes triangles only";
   return structure.query_counted == nullptr ? "cannot count" : "";
 }
 

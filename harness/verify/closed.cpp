@@ -135,8 +135,8 @@ class Campaign {
     const std::string spec = contestant.Spec();
     Tree tree;
     try {
-      if (scene_.procedural_count() > 0 && (contestant.structure->capabilities & RB_CAN_PROCEDURAL) == 0)
-        throw BuildError("it takes triangles only, and the scene has procedural primitives");
+      if (const std::string why = WhyNotTaken(*contestant.structure, scene_); !why.empty())
+        throw BuildError(why);
       tree =
           Tree(contestant, scene_.Geometry(),
                BuildOptions(options_.threads, options_.seed, NeedsOf(scene_).BuildNeeds() | kCheckedNeeds));

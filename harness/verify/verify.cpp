@@ -139,7 +139,11 @@ class Verification {
       if (scenes_.back().primitive_count() == 0)
         throw InputError(fmt::format("scene '{}' has no primitives", name));
     }
-    if (!files.empty()) replayed_ = ReplayRayFiles(files, scenes_, options_.rays);
+    if (!files.empty()) {
+      std::vector<const Scene*> scenes;
+      for (const Scene& scene : scenes_) scenes.push_back(&scene);
+      replayed_ = ReplayRayFiles(files, scenes, options_.rays);
+    }
     MakeOut();
     bool interrupted = false;
     for (scene_index_ = 0; scene_index_ < scenes_.size() && !interrupted; ++scene_index_) {
@@ -227,10 +231,8 @@ class Verification {
       VerifiedTree& result = entrant.result;
       result.contestant = contestant;
       planes_.push_back({"planes", {}, "not asked for"});
-      if (scene().procedural_count() > 0 && (contestant.structure->capabilities & RB_CAN_PROCEDURAL) == 0) {
-        result.skipped = "it takes triangles only, and the scene has procedural primitives";
-        continue;
-      }
+      result.skipped = WhyNotTaken(*contestant.structure, scene());
+      if (!result.skipped.empty()) continue;
       try {
         entrant.tree = Tree(contestant, geometry, build);
       } catch (const BuildError& error) {

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstddef>
 #include <limits>
 
@@ -141,6 +142,10 @@ TEST(Registry, KnowsEveryBuiltinOnceAndFindsByName) {
   EXPECT_THAT(ErrorOf([&] { registry.Find("kdtree"); }), HasSubstr("see: raybench list structures"));
   EXPECT_THAT(ErrorOf([&] { registry.Find("bvh_sha"); }), HasSubstr("'bvh_sha' (did you mean bvh_sah?)"));
   EXPECT_THAT(ErrorOf([&] { registry.LoadPlugin("no_such_plugin.so"); }), HasSubstr("no_such_plugin.so"));
+  EXPECT_TRUE(std::is_sorted(
+      registry.structures().begin(), registry.structures().end(),
+      [](const rb_structure* x, const rb_structure* y) { return std::string_view(x->name) < y->name; }))
+      << "whatever their folders: results are listed in this order";
 }
 
 TEST(Registry, ContestantsShowTheirParameters) {

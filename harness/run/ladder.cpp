@@ -1,0 +1,68 @@
+#include "harness/run/ladder.h"
+
+#include <algorithm>
+
+#include "tracer/tracer.h"
+
+namespace raybench {
+namespace {
+
+/// With more threads, the smallest part gives each of them a few chunks.
+constexpr uint64_t kLeastChunks = 4 * 4096;
+/// A pass that lasts this long says how long a longer one takes.
+constexpr double kProbeSeconds = 0.002;
+
+Seconds TimeOf(const std::function<void()>& pass, uint32_t threads) {
+  Pinned pinned(threads == 1);
+  const Stopwatch watch(threads > 1);
+  pass();
+  return watch.Elapsed();
+}
+
+}  // namespace
+
+const RaySet& Ladder::RaysOf(const Part& part) {
+  if (part.step == 0) return sets_[part.set].set;
+  auto& kept = parts_[{part.set, part.step}];
+  if (!kept) kept = std::make_unique<RaySet>(PartOf(sets_[part.set].set, part.step, seed_));
+  return *kept;
+}
+
+std::function<void()> Ladder::PassOver(const Tree& tree, const Part& part) {
+  return [&tree, &set = RaysOf(part), &answers = answers_, threads = part.threads] {
+    const rb_query query = answers.Ask(set);
+    if (threads == 1) {
+      tree.Query(query);
+    } else {
+      QueryParallel(tree, query, threads);
+    }
+  };
+}
+
+uint32_t Ladder::ChooseStep(const Tree& tree, size_t set, uint32_t threads) {
+  const uint64_t rays = sets_[set].set.rays.size();
+  const uint32_t last = LastStep(rays, threads == 1 ? kLeastRays : threads * kLeastChunks);
+  for (Part part{set, threads, last};; --part.step) {
+    const std::function<void()> pass = PassOver(tree, part);
+    double seconds = TimeOf(pass, threads).wall;
+    if (seconds < kLongPassSeconds) seconds = std::min(seconds, TimeOf(pass, threads).wall);
+    if (seconds < kProbeSeconds && part.step > 0) continue;
+    return StepFor(seconds * double(rays) / double(RaysOf(part).rays.size()), last, budget_);
+  }
+}
+
+TimedTask Ladder::Task(const Tree& tree, const Part& part, Seconds& cold) {
+  TimedTask task;
+  task.pass = PassOver(tree, part);
+  cold = TimeOf(task.pass, part.threads);
+  const double shorter =
+      cold.wall < kLongPassSeconds ? std::min(cold.wall, TimeOf(task.pass, part.threads).wall) : cold.wall;
+  const SamplePlan plan = PlanSamples(shorter, budget_);
+  task.passes = plan.passes;
+  task.warm_up = plan.warm_up;
+  task.samples = plan.samples;
+  task.sample_cost = std::max(plan.sample_cost, min_time_);
+  return task;
+}
+
+}  // namespace raybench

@@ -1,0 +1,110 @@
+// What a run does with one scene: capture, truth, then each structure built, judged and timed.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "datasets/scene/scene.h"
+#include "harness/measure/measure.h"
+#include "harness/plan/plan.h"
+#include "harness/plan/time_budget.h"
+#include "harness/rays/ray_sets.h"
+#include "harness/results/results.h"
+#include "harness/run/entrant.h"
+#include "harness/run/ladder.h"
+#include "harness/run/schedule.h"
+#include "harness/terminal/progress.h"
+#include "harness/truth/oracle.h"
+
+namespace raybench {
+
+/// A scene and what run.json says of it.
+struct SceneRecord {
+  std::string name, stem;  ///< as the user named it; of files
+  Scene scene;
+  uint64_t build_needs = 0;          ///< RB_NEED_* of its trees
+  std::vector<SourcedSet> replayed;  ///< taken when its turn comes
+  Json needs, oracle, anchor;        ///< null until known
+  Json notes = Json::array(), ray_sets = Json::array();
+};
+
+/// What all scenes of a run share.
+struct RunContext {
+  const Registry& registry;
+  const RunOptions& options;
+  const EngineFlags& engine;
+  const TimeBudget& budget;
+  const uint64_t memory;  ///< for trees held at once and one building
+  const std::vector<Contestant>& contestants;
+  const ResultFolder& results;
+  Progress& progress;
+  Schedule& schedule;
+  const bool replays;  ///< ray files instead of captured sets
+
+  uint64_t seen = 0, taken = 0;  ///< cases ready to be timed, and those that the filter let through
+  std::string last_name = {};    ///< of such a case
+
+  std::vector<uint32_t> BuildThreads() const;
+  std::vector<uint32_t> QueryThreads() const;
+  /// Pixels across a heat map.
+  uint32_t HeatSide() const;
+};
+
+class SceneRun {
+ public:
+  /// `index`: of the scene in the run.
+  SceneRun(RunContext& context, SceneRecord& record, size_t index);
+
+  /// Gets the ray sets, plans the cases and asks for truth.
+  void Prepare();
+  /// Builds, judges and times what is not done yet. Throws InterruptedError; what is finished is stored.
+  void Measure();
+
+ private:
+  std::vector<SourcedSet> CaptureSets();
+  void Plan();
+  Entrant PlanEntrant(const Contestant& contestant);
+  void AskForTruth();
+
+  void Enter(Entrant& entrant);
+  uint64_t Held() const;
+  bool BuildInGroup(Entrant& entrant);
+  void BuildAll(Entrant& entrant);
+  Tree TimedBuild(const Entrant& entrant, uint32_t threads, Seconds& seconds) const;
+  bool Judge(Entrant& entrant);
+  void CountPixels(const Entrant& entrant) const;
+
+  struct Open;
+  std::vector<Open> OpenCases();
+  TimedTask BuildTask(const Open& open);
+  bool Anchors(const Part& part) const { return anchor_ != nullptr && anchor_->Answers(part.set); }
+  uint32_t AnchorStep(const Part& part);
+  void TimeGroup();
+
+  /// Says it and keeps it with the scene in run.json.
+  void Note(const std::string& text);
+  bool Done(const PlannedCase& c) const { return context_.results.Has(c.key.Id()); }
+  const Scene& scene() const { return record_.scene; }
+
+  RunContext& context_;
+  const RunOptions& options_;
+  Schedule& schedule_;
+  SceneRecord& record_;
+  const size_t index_;
+  const rb_geometry geometry_;
+  std::vector<PreparedSet> sets_;
+  std::vector<Entrant> entrants_;
+  uint64_t plan_size_ = 0;
+  std::unique_ptr<Oracle> oracle_;
+  std::optional<Answers> answers_, counted_;  ///< for the largest set
+  std::optional<Ladder> ladder_;
+  std::vector<Entrant*> group_;  ///< whose trees are held to be timed together
+  Entrant* anchor_ = nullptr;    ///< its tree is held to the end
+  std::map<std::pair<size_t, uint32_t>, uint32_t> anchor_steps_;  ///< by set and threads
+};
+
+}  // namespace raybench
