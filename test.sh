@@ -54,9 +54,9 @@ fi
 failed=no
 for preset in "${presets[@]}"; do
   say "C++ tests, $preset"
-  label=()
-  [ "$preset" = release ] || label=(-L "$([ -n "$filter" ] && echo single || echo part)")
-  ctest --preset "$preset" -j "$jobs" "${label[@]}" "${select[@]}" || failed=yes
+  tests=$preset
+  [ "$preset" = release ] || [ -z "$filter" ] || tests=$preset-single
+  ctest --preset "$tests" -j "$jobs" "${select[@]}" || failed=yes
 done
 if [ ${#python_tests[@]} -gt 0 ]; then
   say "Python tests"

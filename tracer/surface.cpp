@@ -5,28 +5,27 @@
 // count:
 //
 // 1. Rounding the origin to float moves component i by at most u |q_i|, so its distance from the tangent
-// plane changes
-//    by at most u sum |n_i q_i|. The point itself is an affine combination of the vertices in double (1-u-v
-//    is exact to 2^-53): its own error is 2^-29 times that and is covered by enlarging the bound by 2^-20.
+//    plane changes by at most u sum |n_i q_i|. The point itself is an affine combination of the vertices in
+//    double (1-u-v is exact to 2^-53): its own error is 2^-29 times that and is covered by enlarging the
+//    bound by 2^-20.
 //
-// 2. The structure's float test finds t with an error. In float tests (Moeller-Trumbore, Woop) the numerator
-// of t is a
-//    sum of triple products of vertices relative to the origin; at a point of the triangle these are no
-//    longer than its longest edge L, so the sum is wrong by about u L^3. The true numerator of a ray starting
-//    at distance e from the plane is 2 A e, A the area. The sign of t, all that matters here, is right if e >
-//    c u L^3 / 2A. Over random triangles of aspect 1 to 1e5, with grazing rays, c = 1 sufficed for both
-//    tests; c = 2 is taken. For a sliver of aspect k this grows as k u L; from k = 1024 on it is held at
-//    2^-13 L, since a larger step would leap over neighbours. (There only `double` and `exact` numerics are
-//    safe.) For a sphere of radius r the constant term |o-c|^2 - r^2 (true: 2 r e) is wrong by at most 4 u
-//    r^2 and a little more: e = 4 u r is twice what is needed. Cones are tested in double about a point near
-//    their middle; the discriminant and the coefficients are those of a cone whose radius is off by a few
-//    2^-52 of its size: e = 2^-44 of it is plenty. A polygon is tested against its plane in double, but its
-//    neighbour's plane at a shared edge is off by the rounding of vertices: e = 2 u of its extent, as for
-//    triangles of aspect 1.
+// 2. The structure's float test finds t with an error.
+//    - Triangles: in float tests (Moeller-Trumbore, Woop) the numerator of t is a sum of triple products of
+//      vertices relative to the origin; at a point of the triangle these are no longer than its longest edge
+//      L, so the sum is wrong by about u L^3. The true numerator of a ray starting at distance e from the
+//      plane is 2 A e, A the area. The sign of t, all that matters here, is right if e > c u L^3 / 2A. Over
+//      random triangles of aspect 1 to 1e5, with grazing rays, c = 1 sufficed for both tests; c = 2 is taken.
+//      For a sliver of aspect k this grows as k u L; from k = 1024 on it is held at 2^-13 L, since a larger
+//      step would leap over neighbours. (There only `double` and `exact` numerics are safe.)
+//    - Spheres of radius r: the constant term |o-c|^2 - r^2 (true: 2 r e) is wrong by at most 4 u r^2 and a
+//      little more: e = 4 u r is twice what is needed.
+//    - Cones are tested in double about a point near their middle; the discriminant and the coefficients are
+//      those of a cone whose radius is off by a few 2^-52 of its size: e = 2^-44 of it is plenty.
+//    - Polygons are tested against their plane in double, but a neighbour's plane at a shared edge is off by
+//      the rounding of vertices: e = 2 u of the extent, as for triangles of aspect 1.
 //
 // 3. On a curved surface the origin also moves along the tangent plane, by at most delta = u |q|, and there
-// the
-//    surface bends away by delta^2 / 2r, never by more than delta.
+//    the surface bends away by delta^2 / 2r, never by more than delta.
 //
 // The origin is moved by the sum of these, so that after rounding it is at least the second away from the
 // surface.

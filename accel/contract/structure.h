@@ -6,8 +6,8 @@
 //   static constexpr const char *kName, *kDoc, *kSource;
 //   static constexpr uint64_t kCapabilities;          RB_CAN_* and flags
 //   static std::span<const rb_param> Params();
-//   T(const rb_geometry&, const rb_build_options&, const Config&);    builds; throws std::exception on
-//   failure template <class Counter> void Query(const rb_query&) const;       usually one call of ForEachRay
+//   T(const rb_geometry&, const rb_build_options&, const Config&);    builds; throws std::exception on failure
+//   template <class Counter> void Query(const rb_query&) const;       usually one call of ForEachRay
 //   uint32_t Claims() const;                          RB_CLAIM_*
 //   MemoryUse Memory() const;
 //   template <class Fn> int Visit(Fn&& node) const;   optional: node(const rb_node&) -> non-zero stops

@@ -1,9 +1,8 @@
 // Builders of kd-trees: one recursion, and four ways to choose the plane that splits a cell.
 //
 //   sweep           the cheapest plane by SAH of all that bound a primitive, in O(N log N) (kd/events.h)
-//   binned          the cheapest of evenly spaced ones (Shevtsov, Soupikov, Kapustin 2007: two bins a
-//   primitive, by
-//                   where it starts and where it ends); small cells are swept
+//   binned          the cheapest of evenly spaced ones (Shevtsov, Soupikov, Kapustin 2007: two bins a primitive,
+//                   by where it starts and where it ends); small cells are swept
 //   spatial median  the middle of the cell (Kaplan 1985)
 //   object median   the median of the primitives' centres
 //

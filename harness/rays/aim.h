@@ -38,8 +38,7 @@ void CheckAimedSetNames(const std::vector<std::string>& names);
 ///   aimed_edge     at edges inside a surface: midpoints and points on them, rounded to float
 ///   silhouette     from outside at edges whose two triangles lie on one side of the plane through edge and
 ///                  origin, at a point of the edge and up to 4 ulp of the distance beside it
-///   axis_parallel  one or two components +0 or -0, through vertices and edges and in the faces of the
-///   scene's
+///   axis_parallel  one or two components +0 or -0, through vertices and edges and in the faces of the scene's
 ///                  bounds
 ///   grazing        in the plane of a triangle but for a few ulps
 ///   far            from 1e3 to 1e6 times the size of the scene away, at vertices and edges

@@ -5,8 +5,7 @@
 //
 // - Triangle: closed.
 // - Sphere: |p - center| = |radius|.
-// - Cone: |p - base|^2 = s^2 |axis|^2 + r(s)^2 where axis = apex - base, s = (p - base).axis / |axis|^2 and
-// r(s)
+// - Cone: |p - base|^2 = s^2 |axis|^2 + r(s)^2 where axis = apex - base, s = (p - base).axis / |axis|^2 and r(s)
 //   goes from |base_radius| at s = 0 to |apex_radius| at s = 1, both rims included.
 // - Negative radii show only the inside: where the ray passes from outside to inside there is nothing.
 // - Polygon: the point of the ray in the plane through the mean of the corners with Newell's normal, if the

@@ -1,4 +1,4 @@
-// Private to the oracles: what they share to judge answers. The rules stand at the top of verdict.cpp.
+// Private to the oracles: what they share to judge answers. The rules stand in VERDICTS.md.
 #pragma once
 
 #include <algorithm>

@@ -4,8 +4,7 @@
 // "3D Fast Intersection and Distance Computation", CGAL manual), whose boxes and primitives are tested by the
 // predicates of a kernel. What a kernel costs and brings is the point here, so it is the parameter:
 //
-//   epick             doubles with exact predicates: a hit is never missed by rounding, but hit points, and
-//   so
+//   epick             doubles with exact predicates: a hit is never missed by rounding, but hit points, and so
 //                     the order of t, are rounded, and Ray_3 rounds the second point on the ray
 //   cartesian_double  doubles and nothing else
 //   cartesian_float   floats and nothing else
