@@ -1,9 +1,8 @@
 #include "tracer/hemisphere.h"
 
-#include <tbb/parallel_for.h>
-
 #include <limits>
 
+#include "accel/base/parallel.h"
 #include "accel/base/random.h"
 #include "tracer/surface.h"
 #include "tracer/tracer.h"
@@ -29,7 +28,7 @@ void FillHemispheres(RaySet& set, const Scene& scene, const Tree& tree, const Ra
   set.depth = 1, set.order = "traced";
   set.rays.resize(hit_rays.empty() ? 0 : count);
   const uint64_t points = (set.rays.size() + per_point - 1) / per_point;
-  tbb::parallel_for(uint64_t{0}, points, [&](uint64_t point) {
+  ParallelFor(uint64_t{0}, points, [&](uint64_t point) {
     // One pick from each of `points` equal strata, so that origins come in the order of the camera rays, as
     // they would in a wavefront path tracer.
     Random random(seed, point);

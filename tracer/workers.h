@@ -1,14 +1,12 @@
 // Work in chunks of fixed size, so that results do not depend on the number of threads.
 #pragma once
 
-#include <tbb/global_control.h>
-#include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
-
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
+
+#include "accel/base/parallel.h"
 
 namespace raybench {
 
@@ -16,32 +14,28 @@ class Workers {
  public:
   static constexpr size_t kChunk = 4096;  // rays of a task
 
-  explicit Workers(uint32_t threads) {
-    // Asking for more than oneTBB may start would only make it complain.
-    const size_t most = tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism);
-    threads_ = uint32_t(threads == 0 ? most : std::min<size_t>(threads, most));
-    arena_.initialize(int(threads_));
-  }
+  /// 0: as many as may be started.
+  explicit Workers(uint32_t threads)
+      : threads_(threads == 0 ? MostThreads() : std::min(threads, MostThreads())), arena_(threads_) {}
   uint32_t threads() const { return threads_; }
 
   /// Calls work(chunk, begin, end) for every chunk of [0, n), in parallel.
   template <class Work>
   void ForChunks(size_t n, const Work& work) {
-    arena_.execute([&] {
-      tbb::parallel_for(size_t{0}, ChunkCount(n), [&](size_t chunk) {
-        work(chunk, chunk * kChunk, std::min(n, (chunk + 1) * kChunk));
-      });
+    arena_.Run([&] {
+      ParallelFor(size_t{0}, ChunkCount(n),
+                  [&](size_t chunk) { work(chunk, chunk * kChunk, std::min(n, (chunk + 1) * kChunk)); });
     });
   }
   template <class Work>
   void ForEach(size_t n, const Work& work) {
-    arena_.execute([&] { tbb::parallel_for(size_t{0}, n, work); });
+    arena_.Run([&] { ParallelFor(size_t{0}, n, work); });
   }
   static size_t ChunkCount(size_t n) { return (n + kChunk - 1) / kChunk; }
 
  private:
   uint32_t threads_;
-  tbb::task_arena arena_;
+  Arena arena_;
 };
 
 /// Fills `all` with the parts, in order. `part(i)` is the i-th vector, `copy(i, from, to)` copies with

@@ -1,8 +1,6 @@
 // Sorting by integer keys in linear time, the same at any thread count.
 #pragma once
 
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
 #include <array>
 #include <cstddef>
@@ -11,6 +9,7 @@
 #include <vector>
 
 #include "accel/base/huge_array.h"
+#include "accel/base/parallel.h"
 
 namespace raybench {
 
@@ -24,7 +23,7 @@ void RadixSort(HugeArray<Item>& items, HugeArray<Item>& scratch, int key_bits, K
   std::vector<std::array<uint32_t, kDigits>> starts(blocks);
   for (int shift = 0; shift < key_bits; shift += kDigitBits) {
     auto digit = [&](const Item& item) { return size_t(key(item) >> shift) & (kDigits - 1); };
-    tbb::parallel_for(size_t{0}, blocks, [&](size_t b) {
+    ParallelFor(size_t{0}, blocks, [&](size_t b) {
       starts[b].fill(0);
       for (size_t i = b * kBlock; i < std::min(n, (b + 1) * kBlock); ++i) ++starts[b][digit(items[i])];
     });
@@ -36,7 +35,7 @@ void RadixSort(HugeArray<Item>& items, HugeArray<Item>& scratch, int key_bits, K
       sorted |= sum - before == n;
     }
     if (sorted) continue;
-    tbb::parallel_for(size_t{0}, blocks, [&](size_t b) {
+    ParallelFor(size_t{0}, blocks, [&](size_t b) {
       for (size_t i = b * kBlock; i < std::min(n, (b + 1) * kBlock); ++i)
         scratch[starts[b][digit(items[i])]++] = items[i];
     });

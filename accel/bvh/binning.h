@@ -2,6 +2,7 @@
 // builders.
 #pragma once
 
+#include "accel/base/parallel.h"
 #include "accel/bvh/build_records.h"
 
 namespace raybench {
@@ -93,8 +94,8 @@ inline Split FindSplit(const Record* records, const RecordRange& range, const Bi
     bins.Add(&records[range.begin], range.size(), binning);
     return BestSplit(bins, binning, costs);
   }
-  const Bins bins = tbb::parallel_reduce(
-      tbb::blocked_range<size_t>(range.begin, range.end, kParallelBlock), Bins(binning.bins),
+  const Bins bins = ParallelReduce(
+      Range<size_t>(range.begin, range.end, kParallelBlock), Bins(binning.bins),
       [&](const auto& block, Bins sum) {
         sum.Add(&records[block.begin()], block.size(), binning);
         return sum;

@@ -11,11 +11,10 @@
 // inner node is the next one.
 #pragma once
 
-#include <tbb/parallel_for.h>
-
 #include <stdexcept>
 #include <vector>
 
+#include "accel/base/parallel.h"
 #include "accel/bvh/binary_tree.h"
 #include "accel/ray/leaf_blocks.h"
 
@@ -68,7 +67,7 @@ class BoundTree {
     leaves_ = LeafBlocks(geometry, blocks);
     // Where the bound of a union is the union of bounds, leaves are enough and the rest follows.
     constexpr bool kMerges = requires(Bound & a, const Bound& b) { a.Extend(b); };
-    tbb::parallel_for(tbb::blocked_range<size_t>(0, sources.size(), 64), [&](const auto& range) {
+    ParallelFor(Range<size_t>(0, sources.size(), 64), [&](const auto& range) {
       if (cancel != nullptr && *cancel != 0) return;
       for (size_t i = range.begin(); i < range.end(); ++i) {
         const uint32_t* prims = &tree.order[sources[i].first];

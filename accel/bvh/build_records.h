@@ -1,11 +1,6 @@
 // What BVH builders sort and sum up: boxes in four lanes, records of primitives, ranges of them.
 #pragma once
 
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
-#include <tbb/parallel_invoke.h>
-#include <tbb/parallel_reduce.h>
-
 #include <algorithm>
 #include <cstring>
 #include <limits>
@@ -13,6 +8,7 @@
 #include <utility>
 
 #include "accel/base/huge_array.h"
+#include "accel/base/parallel.h"
 #include "accel/base/simd.h"
 #include "accel/bvh/binary_tree.h"
 #include "accel/contract/structure.h"
@@ -81,7 +77,7 @@ inline constexpr size_t kTaskRange = size_t{1} << 11;      ///< subtrees over mo
 template <class Left, class Right>
 void Both(size_t n, Left&& left, Right&& right) {
   if (n >= kTaskRange) {
-    tbb::parallel_invoke(left, right);
+    ParallelInvoke(left, right);
   } else {
     left(), right();
   }
@@ -93,7 +89,7 @@ inline constexpr size_t kParallelBlock = size_t{1} << 13;
 template <class Fn>
 void ForBlocks(size_t begin, size_t end, Fn&& fn) {
   const size_t blocks = (end - begin + kParallelBlock - 1) / kParallelBlock;
-  tbb::parallel_for(size_t{0}, blocks, [&](size_t b) {
+  ParallelFor(size_t{0}, blocks, [&](size_t b) {
     const size_t first = begin + b * kParallelBlock;
     fn(first, std::min(first + kParallelBlock, end));
   });
@@ -103,8 +99,8 @@ void ForBlocks(size_t begin, size_t end, Fn&& fn) {
 /// `padded`: with what conservative traversal must enclose, PaddedPrimBounds, else PrimBounds.
 inline RecordRange MakeRecords(const rb_geometry& geometry, bool padded, HugeArray<Record>& records) {
   const size_t count = PrimCount(geometry);
-  return tbb::parallel_reduce(
-      tbb::blocked_range<size_t>(0, count, kParallelBlock), RecordRange{0, count},
+  return ParallelReduce(
+      Range<size_t>(0, count, kParallelBlock), RecordRange{0, count},
       [&](const auto& block, RecordRange sum) {
         for (size_t i = block.begin(); i < block.end(); ++i) {
           const uint32_t id = uint32_t(i);

@@ -1,12 +1,11 @@
 #include "accel/bvh/bvh2.h"
 
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
 #include <cstring>
 #include <stdexcept>
 #include <vector>
 
+#include "accel/base/parallel.h"
 #include "accel/base/simd.h"
 
 namespace raybench {
@@ -72,7 +71,7 @@ Bvh2::Bvh2(const rb_geometry& geometry, const BinaryTree& tree)
   // Second pass, in parallel: fill them.
   nodes_ = HugeArray<Node>(inner.size());
   blocks_ = HugeArray<Block>(blocks);
-  tbb::parallel_for(tbb::blocked_range<size_t>(0, inner.size(), 1024), [&](const auto& range) {
+  ParallelFor(Range<size_t>(0, inner.size(), 1024), [&](const auto& range) {
     for (size_t i = range.begin(); i < range.end(); ++i) {
       Node& node = nodes_[i];
       const BuildNode& from = tree.nodes[inner[i]];
@@ -85,7 +84,7 @@ Bvh2::Bvh2(const rb_geometry& geometry, const BinaryTree& tree)
       }
     }
   });
-  tbb::parallel_for(tbb::blocked_range<size_t>(0, leaves.size(), 1024), [&](const auto& range) {
+  ParallelFor(Range<size_t>(0, leaves.size(), 1024), [&](const auto& range) {
     // Vertices stand anywhere: asked for some leaves ahead, in two steps, since their numbers do too.
     constexpr size_t kAhead = 8;
     auto each_triangle = [&](size_t leaf, auto&& fn) {

@@ -1,7 +1,6 @@
 #include "accel/bvh/morton.h"
 
-#include <tbb/parallel_sort.h>
-
+#include "accel/base/parallel.h"
 #include "accel/base/radix_sort.h"
 
 namespace raybench {
@@ -42,7 +41,7 @@ HugeArray<MortonItem> SortByMorton(const HugeArray<Record>& records, const Box4&
       while (next < items.size() && high(next) == high(i)) ++next;
       // A run belongs to the block in which it begins.
       if (next > i + 1 && (i != begin || i == 0 || high(i - 1) != high(i)))
-        tbb::parallel_sort(&items[i], &items[i] + (next - i), [](const MortonItem& a, const MortonItem& b) {
+        ParallelSort(&items[i], &items[i] + (next - i), [](const MortonItem& a, const MortonItem& b) {
           return a.code != b.code ? a.code < b.code : a.prim < b.prim;
         });
       i = next;

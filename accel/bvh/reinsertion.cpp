@@ -1,10 +1,9 @@
 #include "accel/bvh/reinsertion.h"
 
-#include <tbb/parallel_sort.h>
-
 #include <atomic>
 #include <vector>
 
+#include "accel/base/parallel.h"
 #include "accel/bvh/linked_tree.h"
 
 namespace raybench {
@@ -55,7 +54,7 @@ class Optimizer {
   std::vector<Move> FindMoves(const volatile int* cancel) {
     const size_t blocks = (tree_.size + kSearchBlock - 1) / kSearchBlock;
     std::vector<std::vector<Move>> found(blocks);
-    tbb::parallel_for(size_t{0}, blocks, [&](size_t block) {
+    ParallelFor(size_t{0}, blocks, [&](size_t block) {
       CheckCancel(cancel);
       std::vector<Pending> stack;
       const size_t end = std::min<size_t>((block + 1) * kSearchBlock, tree_.size);
@@ -66,7 +65,7 @@ class Optimizer {
     });
     std::vector<Move> moves;
     for (const auto& f : found) moves.insert(moves.end(), f.begin(), f.end());
-    tbb::parallel_sort(moves.begin(), moves.end(), [](const Move& a, const Move& b) {
+    ParallelSort(moves.begin(), moves.end(), [](const Move& a, const Move& b) {
       return a.gain != b.gain ? a.gain > b.gain : a.node < b.node;
     });
     return moves;

@@ -3,13 +3,13 @@
 #pragma once
 
 #include <fmt/format.h>
-#include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <cstddef>
 #include <stdexcept>
 #include <utility>
 
+#include "accel/base/parallel.h"
 #include "accel/bvh/bvh2.h"
 #include "accel/bvh/reinsertion.h"
 
@@ -93,8 +93,8 @@ class BvhStructure {
         std::max(peak_bytes, config.reinsertion > 0 ? ReinsertionPeakBytes(prims) : uint64_t{0});
     if (options.memory_limit > 0 && need > options.memory_limit)
       throw std::runtime_error(fmt::format("building needs about {} MiB, over the memory limit", need >> 20));
-    tbb::task_arena arena(int(options.threads));
-    arena.execute([&] {
+    Arena arena(options.threads);
+    arena.Run([&] {
       BinaryTree tree = build();
       if (config.reinsertion > 0)
         tree = Reinsert(std::move(tree), uint32_t(config.reinsertion), config.Costs(), options.cancel);

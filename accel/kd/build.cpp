@@ -1,17 +1,12 @@
 #include "accel/kd/build.h"
 
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
-#include <tbb/parallel_invoke.h>
-#include <tbb/parallel_reduce.h>
-#include <tbb/parallel_sort.h>
-
 #include <algorithm>
 #include <array>
 #include <bit>
 #include <stdexcept>
 
 #include "accel/base/lifo_memory.h"
+#include "accel/base/parallel.h"
 #include "accel/kd/events.h"
 #include "accel/ray/bounds.h"
 
@@ -40,7 +35,7 @@ void ForAxes(size_t prims, Fn&& fn) {
   if (prims < kTask) {
     for (int axis = 0; axis < 3; ++axis) fn(axis);
   } else {
-    tbb::parallel_for(0, 3, fn);
+    ParallelFor(0, 3, fn);
   }
 }
 
@@ -99,8 +94,8 @@ class Builder {
 
  private:
   Bounds3 MakeRefs(std::span<KdRef> refs) {
-    return tbb::parallel_reduce(
-        tbb::blocked_range<size_t>(0, refs.size(), kParallelBlock), Bounds3{},
+    return ParallelReduce(
+        Range<size_t>(0, refs.size(), kParallelBlock), Bounds3{},
         [&](const auto& block, Bounds3 sum) {
           for (size_t i = block.begin(); i < block.end(); ++i) {
             const uint32_t id = uint32_t(i);
@@ -136,11 +131,11 @@ class Builder {
       return;
     }
     KdSubtree right_out;
-    tbb::parallel_invoke([&] { BuildTask(left, memory, out); },
-                         [&] {
-                           LifoMemory own(meter_);
-                           BuildTask(right, own, right_out);
-                         });
+    ParallelInvoke([&] { BuildTask(left, memory, out); },
+                   [&] {
+                     LifoMemory own(meter_);
+                     BuildTask(right, own, right_out);
+                   });
     SetRight(out, slot);
     Append(right_out, out);
   }
@@ -240,7 +235,7 @@ class Builder {
       if (cell.size() < kTask) {
         std::sort(events.begin(), events.end());
       } else {
-        tbb::parallel_sort(events.begin(), events.end());
+        ParallelSort(events.begin(), events.end());
       }
     });
   }
@@ -270,9 +265,9 @@ class Builder {
       }
       return sum;
     };
-    const tbb::blocked_range<size_t> whole(0, cell.refs.size(), kParallelBlock);
+    const Range<size_t> whole(0, cell.refs.size(), kParallelBlock);
     if (cell.size() < kTask) return {all, add(whole, MinMaxBins(bins))};
-    return {all, tbb::parallel_reduce(whole, MinMaxBins(bins), add, [&](MinMaxBins a, const MinMaxBins& b) {
+    return {all, ParallelReduce(whole, MinMaxBins(bins), add, [&](MinMaxBins a, const MinMaxBins& b) {
               a.Merge(b, bins);
               return a;
             })};

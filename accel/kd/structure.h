@@ -1,8 +1,7 @@
 // What the kd-trees that are registered have in common: everything but their builder's parameters.
 #pragma once
 
-#include <tbb/task_arena.h>
-
+#include "accel/base/parallel.h"
 #include "accel/kd/build.h"
 
 namespace raybench {
@@ -36,8 +35,8 @@ class KdStructure {
               uint32_t numerics)
       : numerics_(numerics), claim_(ClaimOf(numerics, geometry)) {
     build.padded = IsConservative(numerics);
-    tbb::task_arena arena(int(options.threads));
-    arena.execute([&] { tree_ = BuildKdTree(geometry, build, options.memory_limit, options.cancel); });
+    Arena arena(options.threads);
+    arena.Run([&] { tree_ = BuildKdTree(geometry, build, options.memory_limit, options.cancel); });
   }
 
  private:

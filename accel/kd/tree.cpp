@@ -1,9 +1,8 @@
 #include "accel/kd/tree.h"
 
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
-
 #include <stdexcept>
+
+#include "accel/base/parallel.h"
 
 namespace raybench {
 
@@ -28,7 +27,7 @@ KdTree::KdTree(const rb_geometry& geometry, const Bounds3& cell, const KdSubtree
     throw std::runtime_error("the kd-tree exceeds the memory limit");
 
   blocks_ = LeafBlocks(geometry, blocks);
-  tbb::parallel_for(tbb::blocked_range<size_t>(0, leaves.size(), 1024), [&](const auto& range) {
+  ParallelFor(Range<size_t>(0, leaves.size(), 1024), [&](const auto& range) {
     for (size_t i = range.begin(); i < range.end(); ++i) {
       const KdNode& leaf = nodes_[leaves[i]];
       blocks_.Fill(leaf.first, {&built.prims[built.nodes[leaves[i]].first], leaf.count()});

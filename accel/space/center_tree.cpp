@@ -1,12 +1,12 @@
 #include "accel/space/center_tree.h"
 
 #include <fmt/format.h>
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <numeric>
 #include <stdexcept>
+
+#include "accel/base/parallel.h"
 
 namespace raybench {
 namespace {
@@ -61,7 +61,7 @@ class Builder {
         chunks.push_back({i, begin, std::min(begin + kChunk, o.end)});
     }
     masks_.resize(refs_.size());
-    tbb::parallel_for(size_t{0}, chunks.size(), [&](size_t c) {
+    ParallelFor(size_t{0}, chunks.size(), [&](size_t c) {
       if (build_.cancel != nullptr && *build_.cancel != 0) throw std::runtime_error("cancelled");
       Look(open[chunks[c].open], chunks[c]);
     });
@@ -111,7 +111,7 @@ class Builder {
       }
     }
     next_.resize(next);
-    tbb::parallel_for(size_t{0}, chunks.size(), [&](size_t c) {
+    ParallelFor(size_t{0}, chunks.size(), [&](size_t c) {
       Chunk& chunk = chunks[c];
       if (!open[chunk.open].divided) return;
       for (size_t i = chunk.begin; i < chunk.end; ++i) {
@@ -257,7 +257,7 @@ CenterLeaves::CenterLeaves(const rb_geometry& geometry, const CenterTree& tree)
     }
   }
   blocks_ = LeafBlocks(geometry, blocks);
-  tbb::parallel_for(tbb::blocked_range<size_t>(0, leaves.size(), 1024), [&](const auto& range) {
+  ParallelFor(Range<size_t>(0, leaves.size(), 1024), [&](const auto& range) {
     for (size_t i = range.begin(); i < range.end(); ++i) {
       const CenterTree::Node& node = tree.nodes[leaves[i]];
       blocks_.Fill(Of(children_[leaves[i]]).block, std::span(tree.refs).subspan(node.first, node.count));

@@ -1,19 +1,17 @@
 #include "accel/space/insertion.h"
 
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_reduce.h>
-
 #include <algorithm>
 #include <cmath>
 
+#include "accel/base/parallel.h"
 #include "accel/contract/structure.h"
 
 namespace raybench {
 
 Insertion::Insertion(const rb_geometry& geometry, bool exact, bool padded)
     : geometry_(geometry), exact_(exact), padded_(padded), boxes_(PrimCount(geometry)) {
-  scene_ = tbb::parallel_reduce(
-      tbb::blocked_range<size_t>(0, boxes_.size(), 8192), Bounds3{},
+  scene_ = ParallelReduce(
+      Range<size_t>(0, boxes_.size(), 8192), Bounds3{},
       [&](const auto& range, Bounds3 sum) {
         for (size_t i = range.begin(); i < range.end(); ++i) {
           boxes_[i] = padded ? PaddedPrimBounds(geometry, uint32_t(i)) : PrimBounds(geometry, uint32_t(i));

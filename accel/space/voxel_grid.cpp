@@ -1,14 +1,13 @@
 #include "accel/space/voxel_grid.h"
 
 #include <fmt/format.h>
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
-#include <tbb/parallel_reduce.h>
 
 #include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <stdexcept>
+
+#include "accel/base/parallel.h"
 
 namespace raybench {
 namespace {
@@ -105,13 +104,13 @@ class Builder {
       for (size_t i = begin; i < end; ++i) fn(prims[i]);
     };
     if (prims.size() < kParallelPrims) return run(0, prims.size());
-    tbb::parallel_for(tbb::blocked_range<size_t>(0, prims.size(), kChunk),
-                      [&](const auto& range) { run(range.begin(), range.end()); });
+    ParallelFor(Range<size_t>(0, prims.size(), kChunk),
+                [&](const auto& range) { run(range.begin(), range.end()); });
   }
 
   uint64_t BoxReferences(const Level& level, std::span<const uint32_t> prims) const {
-    return tbb::parallel_reduce(
-        tbb::blocked_range<size_t>(0, prims.size(), kParallelPrims), uint64_t{0},
+    return ParallelReduce(
+        Range<size_t>(0, prims.size(), kParallelPrims), uint64_t{0},
         [&](const auto& range, uint64_t sum) {
           for (size_t i = range.begin(); i < range.end(); ++i) sum += RangeOf(level, prims[i]).Cells();
           return sum;
@@ -231,7 +230,7 @@ class Builder {
     });
     ends = {};
     if (parallel) {  // threads came in any order
-      tbb::parallel_for(tbb::blocked_range<size_t>(0, part.cells.size(), 4096), [&](const auto& range) {
+      ParallelFor(Range<size_t>(0, part.cells.size(), 4096), [&](const auto& range) {
         for (size_t i = range.begin(); i < range.end(); ++i) {
           const auto first = part.refs.begin() + part.cells[i].first;
           if (part.cells[i].count > 1) std::sort(first, first + part.cells[i].count);
@@ -293,7 +292,7 @@ class Builder {
       }
     }
     std::vector<Part> inside(candidates.size());
-    tbb::parallel_for(tbb::blocked_range<size_t>(0, candidates.size(), 1), [&](const auto& range) {
+    ParallelFor(Range<size_t>(0, candidates.size(), 1), [&](const auto& range) {
       for (size_t i = range.begin(); i < range.end(); ++i) {
         const VoxelGrid::Cell& cell = part.cells[candidates[i].cell];
         const auto held = std::span(part.refs).subspan(cell.first, cell.count);
@@ -360,10 +359,10 @@ VoxelGrid::VoxelGrid(const rb_geometry& geometry, const rb_build_options& option
     first_block[i + 1] = block;
   }
   blocks_ = LeafBlocks(geometry, first_block.back());
-  tbb::parallel_for(tbb::blocked_range<size_t>(0, placed.size(), 1), [&](const auto& range) {
+  ParallelFor(Range<size_t>(0, placed.size(), 1), [&](const auto& range) {
     for (size_t i = range.begin(); i < range.end(); ++i) {
       const Part& part = *placed[i].part;
-      tbb::parallel_for(tbb::blocked_range<size_t>(0, part.cells.size(), 4096), [&](const auto& some) {
+      ParallelFor(Range<size_t>(0, part.cells.size(), 4096), [&](const auto& some) {
         for (size_t k = some.begin(); k < some.end(); ++k) {
           const Cell& from = part.cells[k];
           if (from.count == kInner) continue;

@@ -1,5 +1,7 @@
 #include "datasets/generators/generators.h"
 
+#include "accel/base/parallel.h"
+
 namespace raybench {
 
 namespace {
@@ -41,7 +43,7 @@ Mesh GeodesicSphere(uint32_t n) {
     }
   const uint32_t inside_start = next, inside = n >= 3 ? (n - 1) * (n - 2) / 2 : 0;
 
-  tbb::parallel_for(0, 20, [&](int f) {
+  ParallelFor(0, 20, [&](int f) {
     const int* c = ico.faces[f];
     auto edge = [&](int a, int b, uint32_t i) {  // the i-th of n steps from a to b, 0 < i < n
       return a < b ? edge_start[a][b] + i - 1 : edge_start[b][a] + (n - i) - 1;
@@ -86,10 +88,10 @@ void Append(Scene& scene, const Mesh& mesh, uint32_t material) {
   scene.positions.resize(first + mesh.positions.size());
   scene.triangles.resize(start + mesh.triangles.size());
   scene.triangle_material.resize(scene.triangles.size(), material);
-  tbb::parallel_for(size_t{0}, mesh.positions.size(),
-                    [&](size_t i) { scene.positions[first + i] = ToFloat(mesh.positions[i]); });
+  ParallelFor(size_t{0}, mesh.positions.size(),
+              [&](size_t i) { scene.positions[first + i] = ToFloat(mesh.positions[i]); });
   const uint32_t shift = uint32_t(first);
-  tbb::parallel_for(size_t{0}, mesh.triangles.size(), [&](size_t i) {
+  ParallelFor(size_t{0}, mesh.triangles.size(), [&](size_t i) {
     const std::array<uint32_t, 3>& t = mesh.triangles[i];
     scene.triangles[start + i] = {t[0] + shift, t[1] + shift, t[2] + shift};
   });

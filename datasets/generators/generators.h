@@ -1,14 +1,13 @@
 // The procedural scenes: one file each, its stem is the name users type.
 #pragma once
 
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
 #include <array>
 #include <cstdint>
 #include <functional>
 #include <vector>
 
+#include "accel/base/parallel.h"
 #include "accel/base/random.h"
 #include "accel/base/vec3.h"
 #include "datasets/scene/scene.h"
@@ -31,7 +30,7 @@ void ForEachItem(size_t n, const std::function<void(double)>& progress, double s
       progress && n > (size_t{1} << 16) ? (n + kPieces - 1) / kPieces : std::max<size_t>(n, 1);
   for (size_t begin = 0; begin < n; begin += piece) {
     const size_t end = std::min(n, begin + piece);
-    tbb::parallel_for(begin, end, body);
+    ParallelFor(begin, end, body);
     if (progress) progress(share * double(end) / double(n));
   }
 }

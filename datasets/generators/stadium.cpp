@@ -3,6 +3,7 @@
 
 #include <cstddef>
 
+#include "accel/base/parallel.h"
 #include "datasets/generators/generators.h"
 
 namespace raybench {
@@ -44,7 +45,7 @@ Mesh Rabbit(uint32_t n, uint64_t seed) {
                         {Normalize(Vec3d{-0.45, -0.8, 0.6}), 0.93, 0.2}};
   Mesh mesh = GeodesicSphere(n);
   const ValueNoise noise(seed);
-  tbb::parallel_for(size_t{0}, mesh.positions.size(), [&](size_t i) {
+  ParallelFor(size_t{0}, mesh.positions.size(), [&](size_t i) {
     Vec3d d = mesh.positions[i];
     Vec3d p{0.72 * d.x, 0.78 * d.y, 0.86 * d.z};
     for (const Bump& b : bumps)

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 
+#include "accel/base/parallel.h"
 #include "datasets/generators/generators.h"
 
 namespace raybench {
@@ -27,7 +28,7 @@ Scene Generate(const void* config, const LoadOptions& options) {
   const ValueNoise noise(options.seed);
   Mesh mesh;
   mesh.positions.resize(size_t{row} * row);
-  tbb::parallel_for(uint32_t{0}, row, [&](uint32_t z) {
+  ParallelFor(uint32_t{0}, row, [&](uint32_t z) {
     for (uint32_t x = 0; x < row; ++x) {
       Vec3d p{2.0 * x / n - 1, 0, 2.0 * z / n - 1};
       p.y = 0.2 * noise.Fractal({p.x * 1.7, 0.5, p.z * 1.7}, 8);

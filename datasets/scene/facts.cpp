@@ -1,13 +1,11 @@
 #include "datasets/scene/facts.h"
 
-#include <tbb/parallel_for.h>
-#include <tbb/parallel_sort.h>
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <set>
 
+#include "accel/base/parallel.h"
 #include "datasets/scene/weld.h"
 
 namespace raybench {
@@ -32,13 +30,13 @@ void CountEdges(const Scene& scene, SceneFacts& facts) {
   for (const std::array<uint32_t, 3>& t : scene.triangles)
     for (uint32_t v : t) used[same[v]] = 1;
   facts.distinct_positions = uint64_t(std::count(used.begin(), used.end(), 1));
-  tbb::parallel_for(size_t{0}, scene.triangles.size(), [&](size_t i) {
+  ParallelFor(size_t{0}, scene.triangles.size(), [&](size_t i) {
     for (size_t k = 0; k < 3; ++k) {
       const uint64_t a = same[scene.triangles[i][k]], b = same[scene.triangles[i][(k + 1) % 3]];
       edges[3 * i + k] = std::min(a, b) << 32 | std::max(a, b);
     }
   });
-  tbb::parallel_sort(edges.begin(), edges.end());
+  ParallelSort(edges.begin(), edges.end());
   for (size_t i = 0, next; i < edges.size(); i = next) {
     for (next = i + 1; next < edges.size() && edges[next] == edges[i];) ++next;
     facts.boundary_edges += next - i == 1;
@@ -49,7 +47,7 @@ void CountEdges(const Scene& scene, SceneFacts& facts) {
 void MeasureTriangles(const Scene& scene, SceneFacts& facts) {
   std::vector<double> area(scene.triangles.size()), aspect(scene.triangles.size()),
       extent(scene.triangles.size());
-  tbb::parallel_for(size_t{0}, scene.triangles.size(), [&](size_t i) {
+  ParallelFor(size_t{0}, scene.triangles.size(), [&](size_t i) {
     const auto& [p, q, r] = scene.triangles[i];
     const Vec3d a = ToDouble(scene.positions[p]), b = ToDouble(scene.positions[q]),
                 c = ToDouble(scene.positions[r]);

@@ -1,12 +1,12 @@
 #include "datasets/scene/needs.h"
 
 #include <fmt/format.h>
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_reduce.h>
 
 #include <algorithm>
 #include <functional>
 #include <set>
+
+#include "accel/base/parallel.h"
 
 namespace raybench {
 namespace {
@@ -26,9 +26,9 @@ bool IsSameNormal(Vec3f shading, Vec3d geometric) {
 bool HasSmoothNormals(const Scene& scene) {
   if (scene.normals.empty()) return false;
   const auto any = [](size_t n, const auto& is_smooth) {
-    return tbb::parallel_reduce(
-        tbb::blocked_range<size_t>(0, n, 1 << 14), false,
-        [&](const tbb::blocked_range<size_t>& range, bool found) {
+    return ParallelReduce(
+        Range<size_t>(0, n, 1 << 14), false,
+        [&](const Range<size_t>& range, bool found) {
           for (size_t i = range.begin(); i < range.end() && !found; ++i) found = is_smooth(i);
           return found;
         },

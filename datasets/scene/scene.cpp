@@ -4,9 +4,6 @@
 #include "datasets/scene/scene.h"
 
 #include <fmt/format.h>
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
-#include <tbb/parallel_reduce.h>
 
 #include <algorithm>
 #include <cmath>
@@ -15,6 +12,7 @@
 #include <stdexcept>
 
 #include "accel/base/hash.h"
+#include "accel/base/parallel.h"
 #include "datasets/scene/orientation.h"
 #include "datasets/scene/text.h"
 
@@ -35,9 +33,9 @@ float MaxAbs(Vec3f v) { return std::max({std::abs(v.x), std::abs(v.y), std::abs(
 /// Index of the first of n items that is bad, or n. In parallel, yet always the first.
 template <class IsBad>
 size_t FindFirst(size_t n, const IsBad& is_bad) {
-  return tbb::parallel_reduce(
-      tbb::blocked_range<size_t>(0, n, kGrain), n,
-      [&](const tbb::blocked_range<size_t>& range, size_t found) {
+  return ParallelReduce(
+      Range<size_t>(0, n, kGrain), n,
+      [&](const Range<size_t>& range, size_t found) {
         for (size_t i = range.begin(); i < std::min(range.end(), found); ++i)
           if (is_bad(i)) return i;
         return found;
@@ -47,7 +45,7 @@ size_t FindFirst(size_t n, const IsBad& is_bad) {
 
 template <class Body>
 void ForEach(size_t n, const Body& body) {
-  tbb::parallel_for(tbb::blocked_range<size_t>(0, n, kGrain), [&](const tbb::blocked_range<size_t>& range) {
+  ParallelFor(Range<size_t>(0, n, kGrain), [&](const Range<size_t>& range) {
     for (size_t i = range.begin(); i < range.end(); ++i) body(i);
   });
 }
@@ -264,9 +262,9 @@ void Scene::Finish(bool drop_bad) {
   for (size_t i = 0; i < positions.size(); ++i)
     if (!used[i]) positions[i] = {0, 0, 0};
 
-  double largest = tbb::parallel_reduce(
-      tbb::blocked_range<size_t>(0, positions.size(), kGrain), 0.0,
-      [&](const tbb::blocked_range<size_t>& range, double m) {
+  double largest = ParallelReduce(
+      Range<size_t>(0, positions.size(), kGrain), 0.0,
+      [&](const Range<size_t>& range, double m) {
         for (size_t i = range.begin(); i < range.end(); ++i) m = std::max(m, double(MaxAbs(positions[i])));
         return m;
       },
@@ -329,9 +327,9 @@ void Scene::Finish(bool drop_bad) {
     scale_exponent += exponent;
   }
 
-  bounds_ = tbb::parallel_reduce(
-      tbb::blocked_range<size_t>(0, triangles.size(), kGrain), Bounds3{},
-      [&](const tbb::blocked_range<size_t>& range, Bounds3 b) {
+  bounds_ = ParallelReduce(
+      Range<size_t>(0, triangles.size(), kGrain), Bounds3{},
+      [&](const Range<size_t>& range, Bounds3 b) {
         for (size_t i = range.begin(); i < range.end(); ++i)
           for (uint32_t v : triangles[i]) b.Extend(positions[v]);
         return b;

@@ -24,7 +24,7 @@ struct RecordOptions {
 };
 
 int RecordCommand(const Registry& registry, const RecordOptions& options) {
-  CheckSetNames(options.sets);
+  CheckFamilyNames("--sets", options.sets, CapturedFamilies());
   LoadOptions load;
   load.seed = options.seed;
   load.drop_bad = options.drop_bad;
@@ -140,11 +140,9 @@ void AddRecordOptions(CLI::App& command, RecordOptions& record) {
       ->type_name("N");
   command.add_flag("--drop-bad", record.drop_bad, "Leave out bad triangles instead of refusing the file");
   command.footer(
-      "The sets are those that `raybench run` captures: camera, shadow.N, reflection.N, refraction.N (depth "
-      "N),\nrandom, diffuse, ambient_occlusion, aimed. `raybench run SCENE --rays DIR` replays them. The "
-      "format is\ndescribed in tracer/rays/RAYS.md; tracer/recorder/ has a C header that records the rays of "
-      "other "
-      "programs.");
+      "Ray sets, N being the depth:\n" + FormatFamilies(CapturedFamilies()) +
+      "`raybench run SCENE --rays DIR` replays them. The format is described in tracer/rays/RAYS.md;\n"
+      "tracer/rays/recorder/ has a C header that records the rays of other programs.");
 }
 
 }  // namespace

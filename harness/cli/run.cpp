@@ -8,6 +8,7 @@
 
 #include "accel/host/parameters.h"
 #include "harness/cli/commands.h"
+#include "harness/rays/ray_sets.h"
 
 namespace raybench {
 namespace {
@@ -82,7 +83,8 @@ void AddOptions(CLI::App& command, RunArguments& arguments) {
   command.add_flag("--drop-bad", run.drop_bad, "Leave out bad triangles instead of refusing the file");
   command.add_flag("--resume", run.resume, "Go on in --out and keep the cases that are there");
   command.add_flag("--no-report", arguments.no_report, "Draw no plots");
-  command.footer(std::string(kGoals) +
+  command.footer(std::string(kGoals) + "\nRay sets, N being the depth:\n" +
+                 FormatFamilies(CapturedFamilies()) +
                  "\nOf Google Benchmark's arguments --benchmark_min_time=SECONDS (of a sample) and "
                  "--benchmark_filter=REGEX (of scene/structure/ray set/order/query/threads:N) are taken.");
 }

@@ -8,6 +8,7 @@
 #include "accel/host/parameters.h"
 #include "harness/cli/commands.h"
 #include "harness/plan/small_scenes.h"
+#include "harness/rays/aim.h"
 #include "harness/verify/closed.h"
 
 namespace raybench {
@@ -20,10 +21,6 @@ struct VerifyArguments {
 };
 
 constexpr const char* kFooter = R"help(
-Ray sets: random, camera; aimed_vertex, aimed_edge; silhouette (outlines, seen from outside); axis_parallel
-(components +0 and -0, faces of the bounds); grazing (nearly in a triangle's plane); planes (faces, edges and corners
-of the boxes of the very tree under test); far (from 1e3 to 1e6 scene sizes away).
-
 How to read the table: every answer is compared with exact geometry.
   exact       the right primitive (of several at one t the lowest), t correct within float's error
   tie         another primitive at exactly that t
@@ -122,7 +119,7 @@ void AddOptions(CLI::App& command, VerifyArguments& arguments) {
       ->needs(closed)
       ->type_name("FILE");
   command.add_flag("--drop-bad", verify.drop_bad, "Leave out bad triangles instead of refusing the file");
-  command.footer(kFooter);
+  command.footer("\nRay sets:\n" + FormatFamilies(AimedFamilies()) + kFooter);
 }
 
 constexpr uint64_t kSmallGenerated = 3000, kSmallModel = 80000, kRaysOfAll = 2048;

@@ -1,11 +1,9 @@
 #include "harness/judge/end_point_overlap.h"
 
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
-
 #include <numeric>
 #include <vector>
 
+#include "accel/base/parallel.h"
 #include "accel/contract/structure.h"
 #include "harness/plan/plan.h"
 
@@ -132,7 +130,7 @@ std::optional<double> EndPointOverlap(const Tree& tree, const rb_geometry& geome
   if (!flat.all_boxes || flat.nodes.empty()) return std::nullopt;
   const std::vector<uint32_t> picks = PickSample(geometry.triangle_count, samples, seed, "epo");
   std::vector<double> areas(picks.size()), costs(picks.size());
-  tbb::parallel_for(tbb::blocked_range<size_t>(0, picks.size(), 64), [&](const auto& range) {
+  ParallelFor(Range<size_t>(0, picks.size(), 64), [&](const auto& range) {
     for (size_t i = range.begin(); i < range.end(); ++i) {
       Piece triangle;
       triangle.size = 3;

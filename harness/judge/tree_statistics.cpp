@@ -1,8 +1,6 @@
 #include "harness/judge/tree_statistics.h"
 
 #include <fmt/format.h>
-#include <tbb/parallel_for.h>
-#include <tbb/parallel_sort.h>
 
 #include <algorithm>
 #include <atomic>
@@ -11,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "accel/base/parallel.h"
 #include "accel/bvh/bounds/kdop.h"
 #include "accel/contract/structure.h"
 #include "harness/judge/cover.h"
@@ -160,12 +159,12 @@ class Visitor {
   }
 
   std::optional<uint32_t> FirstUncovered() {
-    tbb::parallel_sort(parts_.begin(), parts_.end());
+    ParallelSort(parts_.begin(), parts_.end());
     std::vector<size_t> starts;
     for (size_t i = 0; i < parts_.size(); ++i)
       if (i == 0 || parts_[i].first != parts_[i - 1].first) starts.push_back(i);
     std::atomic<uint32_t> first = RAYBENCH_NONE;
-    tbb::parallel_for(size_t{0}, starts.size(), [&](size_t s) {
+    ParallelFor(size_t{0}, starts.size(), [&](size_t s) {
       const size_t end = s + 1 < starts.size() ? starts[s + 1] : parts_.size();
       const uint32_t prim = parts_[starts[s]].first;
       if (prim >= first || Covered(prim, std::span(parts_).subspan(starts[s], end - starts[s]))) return;

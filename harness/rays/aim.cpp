@@ -9,15 +9,12 @@
 #include "accel/base/hash.h"
 #include "accel/base/random.h"
 #include "accel/contract/structure.h"
-#include "accel/host/names.h"
 #include "harness/truth/verdict.h"
 #include "tracer/tracer.h"
 
 namespace raybench {
 namespace {
 
-constexpr const char* kNames[] = {"random",        "camera",  "aimed_vertex", "aimed_edge", "silhouette",
-                                  "axis_parallel", "grazing", "planes",       "far"};
 /// Boxes of a tree that the rays of `planes` are aimed at, at most.
 constexpr size_t kBoxes = 1 << 16;
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
@@ -29,7 +26,7 @@ AimedSet PerRay(const char* name, uint64_t seed, std::function<rb_ray(Random&)> 
   hash.Add(std::string_view(name));
   const auto fill = [make = std::move(make), seed, stream = hash.value()](
                         uint64_t first, std::span<rb_ray> rays, uint32_t threads) {
-    ParallelFor(rays.size(), threads, [&](size_t i) {
+    ForEachOnThreads(rays.size(), threads, [&](size_t i) {
       Random random(seed, stream + first + i);
       for (int tries = 0; tries < 64; ++tries)
         if (rays[i] = make(random); IsValidRay(rays[i])) return;
@@ -71,6 +68,7 @@ class Aim {
       if (edges[i].count >= 2) inner_.push_back(i);
   }
 
+  const Scene& scene() const { return scene_; }
   const Bounds3& bounds() const { return bounds_; }
   Vec3d center() const { return center_; }
   double size() const { return size_; }  ///< diagonal of the bounds
@@ -150,7 +148,8 @@ class Aim {
 /// and origin. Such origins form a wedge around the edge: seen along it, the edge is a point and the
 /// triangles two rays u, v from it; a line through the point has both on one side if its normal lies between
 /// the normal of u on the side of v and the normal of v on the side of u.
-rb_ray SilhouetteRay(const Scene& scene, const Aim& aim, Random& random) {
+rb_ray SilhouetteRay(const Aim& aim, Random& random) {
+  const Scene& scene = aim.scene();
   const rb_ray none{{0, 0, 0}, 0, {0, 0, 0}, kInfinity};  // invalid: tried again
   const MeshEdge& edge = aim.InnerEdge(random);
   const Vec3d a = ToDouble(scene.positions[edge.a]), b = ToDouble(scene.positions[edge.b]);
@@ -189,7 +188,8 @@ rb_ray AxisParallelRay(const Aim& aim, Random& random) {
   return aim.Parallel(target, zero, random.Below(2) != 0, random);
 }
 
-rb_ray GrazingRay(const Scene& scene, const Aim& aim, Random& random) {
+rb_ray GrazingRay(const Aim& aim, Random& random) {
+  const Scene& scene = aim.scene();
   const auto& t = scene.triangles[random.Below(scene.triangles.size())];
   const Vec3d a = ToDouble(scene.positions[t[0]]), e = ToDouble(scene.positions[t[1]]) - a,
               f = ToDouble(scene.positions[t[2]]) - a;
@@ -275,48 +275,68 @@ rb_ray PlaneRay(const Aim& aim, const Boxes& boxes, Random& random) {
   return aim.Parallel(target, axis, fixed >= 2 && random.Below(2), random);
 }
 
+/// What a family presupposes.
+enum class Needs { kNothing, kTriangles, kInnerEdges, kBoxesOfATree };
+
+struct Family {
+  const char* name;
+  Needs needs;
+  rb_ray (*make)(const Aim&, Random&);  ///< nullptr: not ray by ray, or not without a tree
+  const char* doc;
+};
+
+/// All that can be asked for, in the order of the tables.
+constexpr Family kFamilies[] = {
+    {"random", Needs::kNothing, [](const Aim& aim, Random& r) { return RandomRay(aim.bounds(), r); },
+     "isotropic lines through the bounding sphere"},
+    {"camera", Needs::kNothing, nullptr, "one a pixel of a square picture"},
+    {"aimed_vertex", Needs::kTriangles,
+     [](const Aim& aim, Random& r) {
+       const Vec3f org = aim.Origin(r);
+       return Aim::Towards(org, aim.Vertex(r), r);
+     },
+     "at vertices"},
+    {"aimed_edge", Needs::kInnerEdges,
+     [](const Aim& aim, Random& r) {
+       const Vec3f org = aim.Origin(r);
+       return Aim::Towards(org, aim.PointOn(aim.InnerEdge(r), r), r);
+     },
+     "at midpoints and other points of edges inside a surface, rounded to float"},
+    {"silhouette", Needs::kInnerEdges, &SilhouetteRay,
+     "from outside at edges where one triangle hides the other, and up to 4 ulp beside"},
+    {"axis_parallel", Needs::kNothing, &AxisParallelRay,
+     "one or two components +0 or -0, at vertices and edges and in faces of the scene's bounds"},
+    {"grazing", Needs::kTriangles, &GrazingRay, "in a triangle's plane but for a few ulp"},
+    {"planes", Needs::kBoxesOfATree, nullptr,
+     "at faces, edges and corners of boxes of the very tree, across and within them"},
+    {"far", Needs::kNothing, &FarRay, "from 1e3 to 1e6 scene sizes away, at vertices and edges"}};
+
 }  // namespace
 
-std::span<const char* const> AimedSetNames() { return kNames; }
-
-void CheckAimedSetNames(const std::vector<std::string>& names) {
-  for (const std::string& name : names)
-    if (std::find(std::begin(kNames), std::end(kNames), name) == std::end(kNames))
-      throw InputError(
-          fmt::format("--sets: unknown ray set '{}'{}; allowed are {}", name,
-                      DidYouMean(name, std::vector<std::string_view>(std::begin(kNames), std::end(kNames))),
-                      fmt::join(kNames, ", ")));
+std::vector<RayFamily> AimedFamilies() {
+  std::vector<RayFamily> families;
+  for (const Family& family : kFamilies) families.push_back({family.name, "closest and any", family.doc});
+  return families;
 }
 
 std::vector<AimedSet> SharedSets(const Scene& scene, std::span<const MeshEdge> edges, uint64_t count,
                                  uint64_t seed) {
-  const auto shared = std::make_shared<const Aim>(scene, edges);
-  const Aim& aim = *shared;
-  const bool triangles = !scene.triangles.empty();
-  const std::string no_triangles = "the scene has no triangles",
-                    no_edges = triangles ? "no edge belongs to two triangles" : no_triangles;
+  const auto aim = std::make_shared<const Aim>(scene, edges);
   std::vector<AimedSet> sets;
-  // Each family keeps what it aims by.
-  const auto add = [&](const char* name, const std::string& absent, auto make) {
-    if (!absent.empty()) return sets.push_back(Absent(name, absent));
-    sets.push_back(PerRay(name, seed, [shared, make](Random& random) { return make(random); }));
-  };
-  add("random", "", [&aim](Random& r) { return RandomRay(aim.bounds(), r); });
-  sets.push_back(CameraSet(scene, count));
-  add("aimed_vertex", triangles ? "" : no_triangles, [&aim](Random& r) {
-    const Vec3f org = aim.Origin(r);
-    return Aim::Towards(org, aim.Vertex(r), r);
-  });
-  add("aimed_edge", aim.HasInnerEdges() ? "" : no_edges, [&aim](Random& r) {
-    const Vec3f org = aim.Origin(r);
-    return Aim::Towards(org, aim.PointOn(aim.InnerEdge(r), r), r);
-  });
-  add("silhouette", aim.HasInnerEdges() ? "" : no_edges,
-      [&aim, &scene](Random& r) { return SilhouetteRay(scene, aim, r); });
-  add("axis_parallel", "", [&aim](Random& r) { return AxisParallelRay(aim, r); });
-  add("grazing", triangles ? "" : no_triangles,
-      [&aim, &scene](Random& r) { return GrazingRay(scene, aim, r); });
-  add("far", "", [&aim](Random& r) { return FarRay(aim, r); });
+  for (const Family& family : kFamilies) {
+    if (family.needs == Needs::kBoxesOfATree) continue;
+    if (family.needs != Needs::kNothing && scene.triangles.empty()) {
+      sets.push_back(Absent(family.name, "the scene has no triangles"));
+    } else if (family.needs == Needs::kInnerEdges && !aim->HasInnerEdges()) {
+      sets.push_back(Absent(family.name, "no edge belongs to two triangles"));
+    } else if (family.make == nullptr) {
+      sets.push_back(CameraSet(scene, count));
+    } else {
+      // Each family keeps what it aims by.
+      sets.push_back(PerRay(family.name, seed,
+                            [aim, make = family.make](Random& random) { return make(*aim, random); }));
+    }
+  }
   return sets;
 }
 

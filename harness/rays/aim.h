@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "accel/host/registry.h"
+#include "harness/rays/family.h"
 #include "harness/truth/mesh_edges.h"
 #include "tracer/rays/ray_set.h"
 
@@ -25,25 +26,13 @@ struct AimedSet {
 };
 
 /// What can be asked for, in the order of the tables.
-std::span<const char* const> AimedSetNames();
-
-/// Throws InputError when `names` has one that no scene can have.
-void CheckAimedSetNames(const std::vector<std::string>& names);
+std::vector<RayFamily> AimedFamilies();
 
 /// Every family that does not depend on a tree; `edges` are the scene's. Both must outlive the result, which
-/// is planned for `count` rays of each (the camera's picture has that many pixels):
-///   random         isotropic lines through the scene's bounding sphere
-///   camera         one ray a pixel of a square picture
-///   aimed_vertex   at vertices
-///   aimed_edge     at edges inside a surface: midpoints and points on them, rounded to float
-///   silhouette     from outside at edges whose two triangles lie on one side of the plane through edge and
-///                  origin, at a point of the edge and up to 4 ulp of the distance beside it
-///   axis_parallel  one or two components +0 or -0, through vertices and edges and in the faces of the scene's
-///                  bounds
-///   grazing        in the plane of a triangle but for a few ulps
-///   far            from 1e3 to 1e6 times the size of the scene away, at vertices and edges
-/// Origins of the aimed ones lie around the centre, within the bounds, or outside. tnear is 0, tfar infinite;
-/// directions are float differences, half of them scaled off the lattice.
+/// is planned for `count` rays of each (the camera's picture has that many pixels). Origins of the aimed ones
+/// lie around the centre, within the bounds, or outside. tnear is 0, tfar infinite; directions are float
+/// differences, half of them scaled off the lattice. Outlines are edges whose two triangles lie on one side of
+/// the plane through edge and origin.
 std::vector<AimedSet> SharedSets(const Scene& scene, std::span<const MeshEdge> edges, uint64_t count,
                                  uint64_t seed);
 

@@ -6,7 +6,6 @@
 #include <map>
 #include <set>
 
-#include "accel/host/names.h"
 #include "datasets/models/fetch.h"
 #include "datasets/scene/needs.h"
 #include "harness/plan/build_options.h"
@@ -21,8 +20,16 @@ namespace {
 /// A captured set with fewer than 1/16 of the rays wanted is too small to time beside the others.
 constexpr uint64_t kSmallSet = 16;
 
-constexpr const char* kKinds[] = {"camera", "shadow",  "reflection",        "refraction",
-                                  "random", "diffuse", "ambient_occlusion", "aimed"};
+constexpr RayFamily kFamilies[] = {
+    {"camera", "closest", "of the picture, in tiles of 8 x 8 pixels"},
+    {"shadow", "any", "from hits at depth N to the lights, up to just before them", true},
+    {"reflection", "closest", "of the N-th bounce", true},
+    {"refraction", "closest", "of the N-th bounce", true},
+    {"random", "closest", "isotropic lines through the scene's bounding sphere"},
+    {"diffuse", "closest", "cosine-distributed, from first hits of camera rays"},
+    {"ambient_occlusion", "any",
+     "the same, 8 from each point, as long as a tenth of the diagonal of the scene's bounds"},
+    {"aimed", "closest", "from inside at edges and vertices, which random rays miss"}};
 
 bool Names(const std::string& name, const RaySet& set) { return name == set.Label() || name == set.kind; }
 
@@ -147,25 +154,10 @@ std::string LabelOf(const fs::path& path, const RaySet& set) {
 
 const char* QueryName(uint32_t query) { return query == RB_ANY ? "any" : "closest"; }
 
-void CheckSetNames(const std::vector<std::string>& sets) {
-  for (const std::string& name : sets) {
-    const std::string kind = name.substr(0, name.find('.'));
-    const bool plain = kind == name, number = !plain && name.size() <= kind.size() + 3 &&
-                                              name.find_last_not_of("0123456789") == kind.size() &&
-                                              name.back() != '.';
-    const bool several = kind == "shadow" || kind == "reflection" || kind == "refraction";
-    if (std::find(std::begin(kKinds), std::end(kKinds), kind) == std::end(kKinds) ||
-        !(plain || (several && number)))
-      throw InputError(fmt::format(
-          "--sets: unknown ray set '{}'{}; allowed are {}, and shadow.N, reflection.N, "
-          "refraction.N at depth N",
-          name, DidYouMean(kind, std::vector<std::string_view>(std::begin(kKinds), std::end(kKinds))),
-          fmt::join(kKinds, ", ")));
-  }
-}
+std::span<const RayFamily> CapturedFamilies() { return kFamilies; }
 
 Capture CaptureRaySets(const Registry& registry, const Scene& scene, const CaptureOptions& options) {
-  CheckSetNames(options.sets);
+  CheckFamilyNames("--sets", options.sets, kFamilies);
   return Capturer(registry, scene, options).Run();
 }
 

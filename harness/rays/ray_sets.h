@@ -8,6 +8,7 @@
 
 #include "accel/host/registry.h"
 #include "harness/base/json.h"
+#include "harness/rays/family.h"
 #include "tracer/rays/ray_file.h"
 #include "tracer/tracer.h"
 
@@ -35,8 +36,8 @@ struct Capture {
   std::vector<SourcedSet> sets;
 };
 
-/// Throws InputError when `sets` names something that no scene can have.
-void CheckSetNames(const std::vector<std::string>& sets);
+/// What a capture can have.
+std::span<const RayFamily> CapturedFamilies();
 
 /// Renders the scene with `bvh_sah`, at least 2 x `rays` pixels, freezes what the tracer asks, and adds the
 /// synthetic sets: random, diffuse, ambient_occlusion, aimed. Throws InputError when none of the sets wanted

@@ -66,7 +66,7 @@ class Run {
     started_ = UtcTime("%Y-%m-%dT%H:%M:%SZ");
     bool interrupted = false;
     try {
-      CheckSetNames(options_.sets);
+      CheckFamilyNames("--sets", options_.sets, CapturedFamilies());
       ray_files_ = RayFiles(options_.ray_files);
       for (const std::string& file : ray_files_) ReadRayFileHeader(file);  // before scenes that take long
       LoadScenes();

@@ -1,10 +1,9 @@
 #include "harness/truth/mesh_edges.h"
 
-#include <tbb/parallel_sort.h>
-
 #include <algorithm>
 #include <array>
 
+#include "accel/base/parallel.h"
 #include "harness/truth/verdict.h"
 
 namespace raybench {
@@ -21,7 +20,7 @@ std::vector<MeshEdge> MeshEdges(const Scene& scene) {
       sides.push_back({a, b, t});
     }
   }
-  tbb::parallel_sort(sides.begin(), sides.end());
+  ParallelSort(sides.begin(), sides.end());
   std::vector<MeshEdge> edges;
   for (const auto& [a, b, t] : sides) {
     if (edges.empty() || edges.back().a != a || edges.back().b != b) edges.push_back({a, b, 0, {t, t}});

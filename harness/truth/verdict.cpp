@@ -1,16 +1,13 @@
 // Judges answers by the rules of VERDICTS.md.
 #include "harness/truth/verdict.h"
 
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
-
 #include <algorithm>
 #include <bit>
 #include <cmath>
 #include <numeric>
 
 #include "accel/base/float_state.h"
+#include "accel/base/parallel.h"
 #include "accel/ray/exact.h"
 
 namespace raybench {
@@ -124,10 +121,10 @@ bool InSpan(std::vector<std::vector<uint64_t>> rows, std::vector<uint64_t> targe
 }
 
 /// Where a float test may put the t of a hit.
-struct Range {
+struct TRange {
   double lo, hi;
 
-  Range(double t, double error)
+  TRange(double t, double error)
       : lo(t - std::max(error, EightUlp(t))), hi(t + std::max(error, EightUlp(t))) {}
   /// Any sound test reports such a hit, and before `end`.
   bool Surely(const rb_ray& ray, double end) const { return lo > ray.tnear && hi < end; }
@@ -168,7 +165,7 @@ Patch Surround(const Scene& scene, const Adjacency& adjacency, const rb_ray& ray
   std::vector<std::vector<uint64_t>> rows(edges.size(), std::vector<uint64_t>(words));
   for (size_t m = 0; m < members.size(); ++m) {
     const Appraisal appraisal = shapes[m].Appraise();
-    if (!Range(appraisal.t, appraisal.t_error).Surely(ray, end)) continue;
+    if (!TRange(appraisal.t, appraisal.t_error).Surely(ray, end)) continue;
     const uint64_t mask = uint64_t{1} << (m % 64);
     if (shapes[m].Covers()) covers[m / 64] |= mask;
     const auto c = adjacency.CornersOf(members[m]);
@@ -250,7 +247,7 @@ Adjacency::Corners Adjacency::CornersOf(uint32_t triangle) const {
 
 std::vector<Truth> JudgingOracle::Ask(std::span<const rb_ray> rays, uint32_t threads) const {
   std::vector<Truth> truth(rays.size());
-  ParallelFor(rays.size(), threads, [&](size_t i) {
+  ForEachOnThreads(rays.size(), threads, [&](size_t i) {
     truth[i] = AskTriangles(rays[i]);
     others_.Join(rays[i], truth[i]);
   });
@@ -307,8 +304,8 @@ bool JudgingOracle::AcceptedInPlane(const rb_ray& ray, const Truth& truth, const
 JudgingOracle::Excuse JudgingOracle::Passed(const rb_ray& ray, const TrueHit& hit, double end) const {
   if (hit.prim >= scene_.triangles.size()) {
     const Appraisal appraisal = AppraiseAt(ray, hit.prim, hit.t);
-    return !appraisal.grazing && Range(hit.t, appraisal.t_error).Surely(ray, end) ? Excuse::kPlain
-                                                                                  : Excuse::kMarginal;
+    return !appraisal.grazing && TRange(hit.t, appraisal.t_error).Surely(ray, end) ? Excuse::kPlain
+                                                                                   : Excuse::kMarginal;
   }
   const Patch patch = Surround(scene_, adjacency_, ray, hit.prim, end);
   if (!patch.sealed) return Excuse::kMarginal;
@@ -415,7 +412,7 @@ VerdictCounts JudgeAll(const Oracle& oracle, uint32_t query_kind, std::span<cons
     throw InputError("verdict: rays, truth and answers differ in number");
   std::vector<Verdict> verdicts(rays.size());
   std::vector<uint8_t> strict(rays.size());
-  ParallelFor(rays.size(), threads, [&](size_t i) {
+  ForEachOnThreads(rays.size(), threads, [&](size_t i) {
     verdicts[i] = closest ? oracle.Judge(rays[i], truth[i], hits[i])
                           : oracle.JudgeAny(rays[i], truth[i], occluded[i] != 0);
     strict[i] = closest ? oracle.IsStrict(rays[i], truth[i], hits[i]) : verdicts[i] == Verdict::kExact;
@@ -447,15 +444,14 @@ bool BreaksClaim(uint32_t claim, const VerdictCounts& counts) {
   return false;
 }
 
-void ParallelFor(size_t count, uint32_t threads, const std::function<void(size_t)>& body) {
+void ForEachOnThreads(size_t count, uint32_t threads, const std::function<void(size_t)>& body) {
   const size_t grain = 64;
-  tbb::task_arena arena(threads == 0 ? tbb::task_arena::automatic : int(threads));
-  arena.execute([&] {
-    tbb::parallel_for(tbb::blocked_range<size_t>(0, count, grain),
-                      [&](const tbb::blocked_range<size_t>& range) {
-                        const FloatState ieee;
-                        for (size_t i = range.begin(); i < range.end(); ++i) body(i);
-                      });
+  Arena arena(threads);
+  arena.Run([&] {
+    ParallelFor(Range<size_t>(0, count, grain), [&](const Range<size_t>& range) {
+      const FloatState ieee;
+      for (size_t i = range.begin(); i < range.end(); ++i) body(i);
+    });
   });
 }
 

@@ -98,6 +98,6 @@ float AnswerableT(float t, const rb_ray& ray);
 double EightUlp(double t);
 
 /// body(0) ... body(count - 1) over at most `threads` threads (0: all), in IEEE floating-point state.
-void ParallelFor(size_t count, uint32_t threads, const std::function<void(size_t)>& body);
+void ForEachOnThreads(size_t count, uint32_t threads, const std::function<void(size_t)>& body);
 
 }  // namespace raybench

@@ -1,10 +1,6 @@
 #include "harness/verify/closed.h"
 
 #include <fmt/format.h>
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
-#include <tbb/parallel_reduce.h>
-#include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <atomic>
@@ -13,6 +9,7 @@
 #include <new>
 #include <optional>
 
+#include "accel/base/parallel.h"
 #include "accel/base/random.h"
 #include "accel/ray/exact.h"
 #include "datasets/models/fetch.h"
@@ -52,9 +49,9 @@ exact::Corners CornersOf(const Scene& scene, size_t triangle) {
 std::optional<bool> OddCrossings(const Scene& scene, const std::vector<bool>& distinct, const rb_ray& ray) {
   const exact::Line line(ray);
   std::atomic<bool> generic = true;
-  const bool odd = tbb::parallel_reduce(
-      tbb::blocked_range<size_t>(0, scene.triangles.size(), 1024), false,
-      [&](const tbb::blocked_range<size_t>& range, bool parity) {
+  const bool odd = ParallelReduce(
+      Range<size_t>(0, scene.triangles.size(), 1024), false,
+      [&](const Range<size_t>& range, bool parity) {
         for (size_t i = range.begin(); i < range.end() && generic; ++i) {
           if (!distinct[i]) continue;
           const exact::Corners p = CornersOf(scene, i);
@@ -99,9 +96,9 @@ double SquaredDistance(Vec3d p, const exact::Corners& c) {
 
 /// To the nearest triangle.
 double Clearance(const Scene& scene, Vec3f point) {
-  const double squared = tbb::parallel_reduce(
-      tbb::blocked_range<size_t>(0, scene.triangles.size(), 1024), std::numeric_limits<double>::infinity(),
-      [&](const tbb::blocked_range<size_t>& range, double least) {
+  const double squared = ParallelReduce(
+      Range<size_t>(0, scene.triangles.size(), 1024), std::numeric_limits<double>::infinity(),
+      [&](const Range<size_t>& range, double least) {
         for (size_t i = range.begin(); i < range.end(); ++i)
           least = std::min(least, SquaredDistance(ToDouble(point), CornersOf(scene, i)));
         return least;
@@ -215,7 +212,7 @@ class Campaign {
   double FireAll(const Tree& tree, uint64_t seed, const Record& record) {
     const uint64_t batches = (options_.closed + kClosedBatch - 1) / kClosedBatch;
     const uint32_t threads = options_.threads != 0 ? options_.threads : AllThreads();
-    tbb::task_arena arena{int(threads)};
+    Arena arena(threads);
     const Stopwatch watch(false);
     double recorded = 0;
     // Rounds of a few batches a thread; more as soon as they prove short.
@@ -223,14 +220,10 @@ class Campaign {
     for (uint64_t begin = 0; begin < batches && !Interrupted();) {
       const double before = watch.Elapsed().wall;
       const uint64_t end = std::min(batches, begin + round);
-      arena.execute([&] {
-        tbb::parallel_for(
-            tbb::blocked_range<uint64_t>(begin, end, 1),
-            [&](const tbb::blocked_range<uint64_t>& range) {
-              for (uint64_t b = range.begin(); b < range.end(); ++b)
-                if (!Interrupted()) FireBatch(tree, seed, b);
-            },
-            tbb::simple_partitioner());
+      arena.Run([&] {
+        ParallelFor(begin, end, [&](uint64_t b) {
+          if (!Interrupted()) FireBatch(tree, seed, b);
+        });
       });
       begin = end;
       const double now = watch.Elapsed().wall;
@@ -347,7 +340,7 @@ InsidePoints FindInsidePoints(const Scene& scene, size_t count, uint64_t seed, u
   InsidePoints inside;
   inside.margin = std::ldexp(Length(ToDouble(box.hi) - ToDouble(box.lo)), -10);
   const std::vector<bool> distinct = DistinctTriangles(scene);
-  tbb::task_arena arena(threads != 0 ? int(threads) : tbb::task_arena::automatic);
+  Arena arena(threads);
   for (uint64_t candidate = 0; candidate < uint64_t(kCandidates) && inside.points.size() < count;
        ++candidate) {
     ThrowIfInterrupted();
@@ -355,7 +348,7 @@ InsidePoints FindInsidePoints(const Scene& scene, size_t count, uint64_t seed, u
     Vec3f point;
     for (int k = 0; k < 3; ++k)
       point[k] = float(box.lo[k] + random.NextDouble() * (double(box.hi[k]) - box.lo[k]));
-    arena.execute([&] {
+    arena.Run([&] {
       int agreed = 0;
       for (int tries = 0; tries < 32 && agreed < 2; ++tries) {
         const Vec3f dir = ToFloat(random.UnitVector());

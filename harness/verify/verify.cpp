@@ -126,7 +126,7 @@ class Verification {
 
   int Go() {
     contestants_ = EveryArithmetic(registry_, options_.structures);
-    CheckAimedSetNames(options_.sets);
+    CheckFamilyNames("--sets", options_.sets, AimedFamilies());
     CheckOut();
     const std::vector<std::string> files = RayFiles(options_.ray_files);
     for (const std::string& file : files) ReadRayFileHeader(file);  // before scenes that take long

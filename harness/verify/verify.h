@@ -15,7 +15,7 @@ struct VerifyOptions {
   std::vector<std::string> scenes;
   bool all = false;  ///< a line for each scene, and its table only where something is broken
   std::vector<std::string> structures;  ///< as EveryArithmetic() takes them
-  std::vector<std::string> sets;        ///< of AimedSetNames(); empty: all
+  std::vector<std::string> sets;        ///< of AimedFamilies(); empty: all
   std::vector<std::string> ray_files;   ///< .rays files or folders of them, judged instead of the sets
   std::vector<std::string> plugins;     ///< already loaded; repeated in the commands that replay a ray
   uint64_t rays = 0;                    ///< of a set; 0: the default, or whole files

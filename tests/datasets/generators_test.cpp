@@ -2,13 +2,13 @@
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
-#include <tbb/global_control.h>
 
 #include <cmath>
 #include <map>
 #include <span>
 
 #include "accel/base/memory.h"
+#include "accel/base/parallel.h"
 #include "accel/host/parameters.h"
 #include "tests/support/datasets.h"
 
@@ -365,7 +365,7 @@ TEST(GeneratorsTest, SameAtAnyThreadCountAndBySeed) {
     options.seed = 5;
     std::string hash = LoadScene(name, options).hash();
     {
-      tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
+      const ThreadLimit one(1);
       EXPECT_EQ(LoadScene(name, options).hash(), hash) << name;
     }
     options.seed = 6;

@@ -1,8 +1,8 @@
 // The modifier subdivide: counts, the surfaces that it keeps, what follows the faces, what it refuses.
 
 #include <gmock/gmock.h>
-#include <tbb/global_control.h>
 
+#include "accel/base/parallel.h"
 #include "datasets/scene/facts.h"
 #include "datasets/scene/weld.h"
 #include "tests/support/datasets.h"
@@ -222,7 +222,7 @@ TEST(SubdivideTest, SameOnEveryMachine) {
   for (const auto& [scheme, hash] : known) {
     const std::string name = Subdivide("stadium(size=500)", scheme, 2);
     EXPECT_EQ(LoadScene(name).hash(), hash) << scheme;
-    tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
+    const ThreadLimit one(1);
     EXPECT_EQ(LoadScene(name).hash(), hash) << scheme;
   }
 }

@@ -223,9 +223,9 @@ TEST(HarnessAimSets, WithoutTrianglesOrInnerEdgesTheySayWhatIsAbsent) {
     EXPECT_EQ(bool(set.fill), !needs_edges);
     present += set.absent.empty();
   }
-  EXPECT_EQ(present, AimedSetNames().size() - 3);  // planes is the tree's
-  EXPECT_THROW(CheckAimedSetNames({"random", "sideways"}), InputError);
-  EXPECT_NO_THROW(CheckAimedSetNames({"random", "planes"}));
+  EXPECT_EQ(present, AimedFamilies().size() - 3);  // planes is the tree's
+  EXPECT_THROW(CheckFamilyNames("--sets", {"random", "sideways"}, AimedFamilies()), InputError);
+  EXPECT_NO_THROW(CheckFamilyNames("--sets", {"random", "planes"}, AimedFamilies()));
 }
 
 TEST(HarnessMeshEdges, CountDistinctTrianglesByPosition) {

@@ -141,7 +141,7 @@ TEST_F(HarnessRays, WhatDoesNotBelongIsRefusedBeforeAnythingIsWritten) {
             "nosuch.rays: neither a number of rays (such as 64K or 1M) nor a .rays file"},
            {{ball, "--rays", In("a"), "--sets", "camera"}, "--sets is for captured ray sets"},
            {{"--rays", In("a")}, "name the scene"},
-           {{ball, "--sets", "camera,lens"}, "unknown ray set 'lens'; allowed are camera, shadow, "},
+           {{ball, "--sets", "camera,lens"}, "unknown ray set 'lens'; allowed are camera, shadow.N, "},
            {{ball, "--sets", "camera.1"}, "unknown ray set 'camera.1'"},
            {{ball, "--sets", "shadow.x"}, "unknown ray set 'shadow.x'"},
        }) {

@@ -110,7 +110,7 @@ TEST_F(HarnessVerify, WatertightHoldsOnEverySetAndFastDoesNot) {
       fast_leaks += Number(row, "leak");
     }
   }
-  EXPECT_EQ(seen.size(), 2 * 2 * AimedSetNames().size());
+  EXPECT_EQ(seen.size(), 2 * 2 * AimedFamilies().size());
   EXPECT_GT(fast_leaks, 20u);
   const auto facts = nlohmann::json::parse(Read(folder_ / "out" / "verify.json"));
   EXPECT_EQ(facts.at("scenes").at(0).at("structures").at(0).at("structure").at("flaw"), "");
@@ -130,7 +130,7 @@ TEST_F(HarnessVerify, WhatClaimsExactIsHeldToTheBit) {
   const Outcome outcome = Verify({kBall, "--rays", "256", "--any", "--structures",
                                   "bvh_sah(numerics=exact),bvh_sah", "--out", In("out")});
   EXPECT_EQ(outcome.exit_code, 0) << outcome.out;
-  const size_t answers = 2 * 256 * AimedSetNames().size();
+  const size_t answers = 2 * 256 * AimedFamilies().size();
   EXPECT_THAT(outcome.out,
               HasSubstr(fmt::format("bvh_sah(numerics=exact) claims exact: held, {0} of {0} answers are "
                                     "exact to the bit\n",
@@ -459,7 +459,10 @@ TEST_F(HarnessVerify, HelpSaysHowToReadTheClasses) {
        {"--structures", "--rays", "--sets", "--any", "--seed", "--threads", "--examples", "--out", "--replay",
         "--closed", "--ledger", "--drop-bad", "Examples:", "Exit codes:"})
     EXPECT_THAT(help.out, HasSubstr(word));
-  for (const char* name : AimedSetNames()) EXPECT_THAT(help.out, HasSubstr(name));
+  for (const RayFamily& family : AimedFamilies()) {
+    EXPECT_THAT(help.out, HasSubstr(family.name));
+    EXPECT_THAT(help.out, HasSubstr(family.doc));
+  }
   for (const char* name :
        {"exact", "tie", "neighbour", "leak", "wrong", "false miss", "false hit", "marginal"})
     EXPECT_THAT(help.out, HasSubstr(name));

@@ -1,6 +1,5 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <tbb/global_control.h>
 
 #include <atomic>
 #include <cmath>
@@ -8,6 +7,7 @@
 #include <limits>
 #include <set>
 
+#include "accel/base/parallel.h"
 #include "datasets/scene/needs.h"
 #include "tests/support/tracer.h"
 
@@ -310,7 +310,7 @@ TEST(TracerSecondary, TheDepthLimitCountsBounces) {
 }
 
 TEST(TracerDeterminism, PictureAndRaySetsDependOnNeitherThreadsNorBands) {
-  const tbb::global_control four_threads(tbb::global_control::max_allowed_parallelism, 4);  // on any machine
+  const ThreadLimit four_threads(4);  // on any machine
   const Scene scene = MixedScene(11);
   const Tree tree = BuildTree(scene);
   const TraceOptions options{.width = 123, .height = 75, .max_depth = 4, .threads = 1, .capture = true};

@@ -1,5 +1,5 @@
 // Ray sets as files (.rays), so that rays travel: recorded here and replayed elsewhere, or recorded in
-// somebody's own engine (tracer/recorder/) and replayed here. RAYS.md has the format byte by byte.
+// somebody's own engine (tracer/rays/recorder/) and replayed here. RAYS.md has the format byte by byte.
 #pragma once
 
 #include <cstdint>

@@ -1,11 +1,10 @@
 #include "tracer/rays/ray_set.h"
 
-#include <tbb/parallel_for.h>
-
 #include <cstring>
 #include <utility>
 
 #include "accel/base/hash.h"
+#include "accel/base/parallel.h"
 #include "accel/base/random.h"
 #include "accel/host/registry.h"
 
@@ -116,7 +115,7 @@ rb_ray RandomRay(const Bounds3& bounds, Random& random) {
 RaySet RandomRays(const Scene& scene, uint64_t count, uint64_t seed) {
   RaySet set{.kind = "random", .order = "traced", .query = RB_CLOSEST, .rays = {}, .hash = {}};
   set.rays.resize(count);
-  tbb::parallel_for(uint64_t{0}, count, [&](uint64_t i) {
+  ParallelFor(uint64_t{0}, count, [&](uint64_t i) {
     Random random(seed, i);
     set.rays[i] = RandomRay(scene.bounds(), random);
   });

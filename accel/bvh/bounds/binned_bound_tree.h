@@ -2,8 +2,8 @@
 #pragma once
 
 #include <fmt/format.h>
-#include <tbb/task_arena.h>
 
+#include "accel/base/parallel.h"
 #include "accel/bvh/binned_sah.h"
 #include "accel/bvh/bound_tree.h"
 
@@ -19,8 +19,8 @@ BoundTree<Bound> BuildBinnedBoundTree(const rb_geometry& geometry, const rb_buil
   if (const uint64_t need = BinnedSahPeakBytes(prims);
       options.memory_limit > 0 && need > options.memory_limit)
     throw std::runtime_error(fmt::format("building needs about {} MiB, over the memory limit", need >> 20));
-  tbb::task_arena arena(int(options.threads));
-  arena.execute([&] {
+  Arena arena(options.threads);
+  arena.Run([&] {
     const BinnedSahOptions build{.costs = {.leaf_size = leaf_size}, .padded = padded};
     tree =
         BoundTree<Bound>(geometry, BuildBinnedSah(geometry, build, options.cancel), padded, options.cancel);

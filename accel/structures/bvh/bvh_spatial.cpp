@@ -20,6 +20,7 @@
 //
 // Invariants: the leaves that reference a primitive cover it together; no leaf references one twice;
 // references number at most (1 + split_budget) times the primitives; depth stays below the traversal stack's.
+#include "accel/base/parallel.h"
 #include "accel/bvh/binning.h"
 #include "accel/bvh/structure.h"
 
@@ -208,8 +209,8 @@ class SpatialBuilder {
     if (range.size() < kTaskRange) {
       add(range.begin, range.end, bins);
     } else {
-      bins = tbb::parallel_reduce(
-          tbb::blocked_range<size_t>(range.begin, range.end, kTaskRange / 2), bins,
+      bins = ParallelReduce(
+          Range<size_t>(range.begin, range.end, kTaskRange / 2), bins,
           [&](const auto& block, SliceBins sum) {
             add(block.begin(), block.end(), sum);
             return sum;

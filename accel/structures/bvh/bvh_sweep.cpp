@@ -15,6 +15,7 @@
 // so coincident primitives make a balanced tree.
 #include <cmath>
 
+#include "accel/base/parallel.h"
 #include "accel/base/radix_sort.h"
 #include "accel/bvh/build_records.h"
 #include "accel/bvh/structure.h"
@@ -32,7 +33,7 @@ class SweepBuilder {
     const size_t n = PrimCount(geometry);
     HugeArray<Record> records(n);
     MakeRecords(geometry, config.Padded(), records);
-    tbb::parallel_for(0, 3, [&](int axis) {
+    ParallelFor(0, 3, [&](int axis) {
       Sort(records, axis);
       scratch_[axis] = HugeArray<Record>(n);
       right_cost_[axis] = HugeArray<float>(n);
@@ -106,7 +107,7 @@ class SweepBuilder {
   template <class Fn>
   static void EachAxis(size_t n, Fn&& fn) {
     if (n >= kParallelRange) {
-      tbb::parallel_for(0, 3, fn);
+      ParallelFor(0, 3, fn);
     } else {
       for (int axis = 0; axis < 3; ++axis) fn(axis);
     }

@@ -14,7 +14,6 @@
 #include "accel/structures/library/embree.h"
 
 #include <fmt/format.h>
-#include <tbb/global_control.h>
 
 #include <algorithm>
 #include <atomic>
@@ -23,6 +22,7 @@
 #include <memory>
 
 #include "accel/base/error.h"
+#include "accel/base/parallel.h"
 #include "accel/contract/structure.h"
 #include "accel/contract/valid_ray.h"
 
@@ -85,7 +85,7 @@ class Embree {
     if (geometry.triangle_count > 0) AttachTriangles();
     if (geometry.procedural_count > 0) AttachProcedural();
     {
-      tbb::global_control threads(tbb::global_control::max_allowed_parallelism, options.threads);
+      const ThreadLimit threads(options.threads);
       rtcCommitScene(scene_.get());
     }
     if (RTCError error = rtcGetDeviceError(device_.get()); error != RTC_ERROR_NONE) {

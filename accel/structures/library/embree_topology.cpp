@@ -18,12 +18,12 @@
 #include <embree3/rtcore.h>
 #endif
 #include <fmt/format.h>
-#include <tbb/global_control.h>
 
 #include <memory>
 #include <stdexcept>
 #include <vector>
 
+#include "accel/base/parallel.h"
 #include "accel/ray/leaf_blocks.h"
 
 namespace raybench {
@@ -129,7 +129,7 @@ class EmbreeTopology {
     build.userPtr = const_cast<int*>(options.cancel);
     const Made* root;
     {
-      tbb::global_control threads(tbb::global_control::max_allowed_parallelism, options.threads);
+      const ThreadLimit threads(options.threads);
       root = static_cast<const Made*>(rtcBuildBVH(&build));
     }
     if (options.cancel != nullptr && *options.cancel != 0) throw std::runtime_error("cancelled");

@@ -12,8 +12,8 @@
 // Layout and walk: accel/space/voxel_grid.h.
 //
 // Invariants: a primitive stands in every cell that it meets; the same grid at any thread count.
-#include <tbb/task_arena.h>
 
+#include "accel/base/parallel.h"
 #include "accel/space/voxel_grid.h"
 
 namespace raybench {
@@ -65,8 +65,8 @@ class Grid {
     grid.rule = GridRule(config.rule), grid.density = config.density, grid.references = config.references;
     for (int a = 0; a < 3; ++a) grid.resolution[a] = uint32_t(config.resolution[a]);
     grid.exact = config.insertion != 0, grid.padded = IsConservative(config.numerics);
-    tbb::task_arena arena(int(options.threads));
-    arena.execute([&] { grid_ = VoxelGrid(geometry, options, grid); });
+    Arena arena(options.threads);
+    arena.Run([&] { grid_ = VoxelGrid(geometry, options, grid); });
   }
 
   template <class Counter>

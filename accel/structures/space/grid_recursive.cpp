@@ -11,8 +11,8 @@
 // long list. Layout and walk: accel/space/voxel_grid.h.
 //
 // Invariants: a primitive stands in every lowest cell that it meets; the same grids at any thread count.
-#include <tbb/task_arena.h>
 
+#include "accel/base/parallel.h"
 #include "accel/space/voxel_grid.h"
 
 namespace raybench {
@@ -58,8 +58,8 @@ class GridRecursive {
     grid.density = config.density, grid.references = config.references;
     grid.levels = uint32_t(config.levels), grid.leaf_size = uint32_t(config.leaf_size);
     grid.exact = config.insertion != 0, grid.padded = IsConservative(config.numerics);
-    tbb::task_arena arena(int(options.threads));
-    arena.execute([&] { grid_ = VoxelGrid(geometry, options, grid); });
+    Arena arena(options.threads);
+    arena.Run([&] { grid_ = VoxelGrid(geometry, options, grid); });
   }
 
   template <class Counter>

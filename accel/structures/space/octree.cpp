@@ -26,8 +26,8 @@
 //
 // Invariants: a primitive stands in every leaf that it meets; depth below the traversal stack's; the same
 // tree at any thread count.
-#include <tbb/task_arena.h>
 
+#include "accel/base/parallel.h"
 #include "accel/base/simd.h"
 #include "accel/space/center_tree.h"
 
@@ -66,8 +66,8 @@ class Octree {
   Octree(const rb_geometry& geometry, const rb_build_options& options, const Config& config)
       : numerics_(config.numerics), claim_(ClaimOf(config.numerics, geometry)), geometry_(geometry) {
     if (PrimCount(geometry) == 0) return;
-    tbb::task_arena arena(int(options.threads));
-    arena.execute([&] {
+    Arena arena(options.threads);
+    arena.Run([&] {
       const Insertion insertion(geometry, config.insertion != 0, IsConservative(config.numerics));
       const CenterTreeOptions how{.depth = uint32_t(config.depth),
                                   .leaf_size = uint32_t(config.leaf_size),

@@ -19,8 +19,8 @@
 //
 // Invariants: a primitive stands in every leaf whose square it meets; depth below the traversal stack's; the
 // same tree at any thread count.
-#include <tbb/task_arena.h>
 
+#include "accel/base/parallel.h"
 #include "accel/base/simd.h"
 #include "accel/space/center_tree.h"
 
@@ -82,8 +82,8 @@ class Quadtree {
   Quadtree(const rb_geometry& geometry, const rb_build_options& options, const Config& config)
       : numerics_(config.numerics), claim_(ClaimOf(config.numerics, geometry)), geometry_(geometry) {
     if (PrimCount(geometry) == 0) return;
-    tbb::task_arena arena(int(options.threads));
-    arena.execute([&] {
+    Arena arena(options.threads);
+    arena.Run([&] {
       const Insertion insertion(geometry, config.insertion != 0, IsConservative(config.numerics));
       const int height = config.axis == 0 ? HeightAxis(insertion) : int(config.axis) - 1;
       for (int k = 0; k < 3; ++k) axes_[k] = (height + 1 + k) % 3;

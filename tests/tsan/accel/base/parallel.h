@@ -1,4 +1,4 @@
-// Stands for oneTBB's algorithms in builds with ThreadSanitizer, which finds these headers first.
+// Stands for accel/base/parallel.h in builds with ThreadSanitizer, which finds this one first.
 //
 // The oneTBB that distributions package is not instrumented: ThreadSanitizer sees neither the order in which
 // it hands out tasks nor that a loop waits for them, and reports thousands of races that are none. Here the
@@ -7,23 +7,18 @@
 // but the one that the program may rely on: a loop begins after what stands before it and ends before what
 // follows. Each thread gets one contiguous part, always the same, whatever the grain: a race between
 // neighbouring iterations is met in every run. oneTBB's own work is not under test.
-//
-// Only what raybench uses is here; what it may use beside it (blocked_range, global_control, info) are
-// oneTBB's own headers.
 #pragma once
-
-#include <tbb/blocked_range.h>
-#include <tbb/global_control.h>
-#include <tbb/info.h>
 
 #include <algorithm>
 #include <atomic>
+#include <cstddef>
+#include <cstdint>
 #include <exception>
 #include <thread>
 #include <utility>
 #include <vector>
 
-namespace tbb {
+namespace raybench {
 namespace stand_in {
 
 /// Threads that nested loops may still start. Relaxed: must not order what the loops do.
@@ -31,9 +26,11 @@ inline std::atomic<int> spare{12};
 /// Of the arena that this thread works in; 0: of none.
 inline thread_local int arena_limit = 0;
 
+/// Of ThreadLimit; 0: none.
+inline std::atomic<int> thread_limit{0};
+
 inline size_t Allowed() {
-  const int limit = int(global_control::active_value(global_control::max_allowed_parallelism));
-  const int most = limit < info::default_concurrency() ? limit : 4;
+  const int limit = thread_limit.load(std::memory_order_relaxed), most = limit > 0 ? limit : 4;
   return size_t(arena_limit > 0 ? std::min(arena_limit, most) : most);
 }
 
@@ -79,64 +76,78 @@ void ForParts(size_t n, const Part& part) {
 
 }  // namespace stand_in
 
+template <class Index>
+class Range {
+ public:
+  Range(Index begin, Index end, size_t = 1) : begin_(begin), end_(end) {}
+  Index begin() const { return begin_; }
+  Index end() const { return end_; }
+  size_t size() const { return size_t(end_ - begin_); }
+  bool empty() const { return !(begin_ < end_); }
+
+ private:
+  Index begin_, end_;
+};
+
 template <class Index, class Body>
-void parallel_for(Index begin, Index end, const Body& body) {
+void ParallelFor(Index begin, Index end, const Body& body) {
   if (begin >= end) return;
   stand_in::ForParts(size_t(end - begin), [&](size_t, size_t first, size_t last) {
     for (size_t i = first; i < last; ++i) body(Index(begin + Index(i)));
   });
 }
 
-struct simple_partitioner {};
-
-/// Pieces are as large as a thread's part, whatever the partitioner.
-template <class Value, class Body, class... Partitioner>
-void parallel_for(const blocked_range<Value>& range, const Body& body, const Partitioner&...) {
+template <class Index, class Body>
+void ParallelFor(const Range<Index>& range, const Body& body) {
+  if (range.empty()) return;
   stand_in::ForParts(range.size(), [&](size_t, size_t first, size_t last) {
-    body(blocked_range<Value>(range.begin() + Value(first), range.begin() + Value(last), range.grainsize()));
+    body(Range<Index>(range.begin() + Index(first), range.begin() + Index(last)));
   });
 }
 
-template <class Index, class Result, class Body, class Join>
-Result parallel_reduce(const blocked_range<Index>& range, const Result& identity, const Body& body,
-                       const Join& join) {
+template <class Index, class Value, class Body, class Join>
+Value ParallelReduce(const Range<Index>& range, const Value& identity, const Body& body, const Join& join) {
   struct Slot {  // of its own, also if it is a bool
-    Result value;
+    Value value;
   };
+  if (range.empty()) return identity;
   std::vector<Slot> results(stand_in::Allowed(), Slot{identity});
   stand_in::ForParts(range.size(), [&](size_t k, size_t first, size_t last) {
-    results[k].value = body(
-        blocked_range<Index>(range.begin() + Index(first), range.begin() + Index(last), range.grainsize()),
-        identity);
+    results[k].value =
+        body(Range<Index>(range.begin() + Index(first), range.begin() + Index(last)), identity);
   });
-  Result sum = results[0].value;
+  Value sum = results[0].value;
   for (size_t k = 1; k < results.size(); ++k) sum = join(sum, results[k].value);
   return sum;
 }
 
 template <class First, class Second>
-void parallel_invoke(const First& first, const Second& second) {
+void ParallelInvoke(const First& first, const Second& second) {
   stand_in::ForParts(2, [&](size_t, size_t begin, size_t end) {
     for (size_t i = begin; i < end; ++i) i == 0 ? first() : second();
   });
 }
 
-template <class Iterator, class... Compare>
-void parallel_sort(Iterator begin, Iterator end, const Compare&... less) {
+template <class Iterator, class... Less>
+void ParallelSort(Iterator begin, Iterator end, const Less&... less) {
   std::sort(begin, end, less...);
 }
 
-class task_arena {
+inline uint32_t Processors() { return std::max(1u, std::thread::hardware_concurrency()); }
+inline uint32_t MostThreads() {
+  const int limit = stand_in::thread_limit.load(std::memory_order_relaxed);
+  return limit > 0 ? uint32_t(limit) : std::max(4u, Processors());
+}
+
+class Arena {
  public:
-  static constexpr int automatic = -1;
-  explicit task_arena(int limit = automatic) : limit_(limit) {}
-  void initialize(int limit) { limit_ = limit; }
+  explicit Arena(uint32_t threads = 0) : limit_(int(threads)) {}
   template <class Fn>
-  auto execute(Fn&& fn) {
+  auto Run(Fn&& fn) {
     struct Enter {
       int saved;
       ~Enter() { stand_in::arena_limit = saved; }
-    } enter{std::exchange(stand_in::arena_limit, std::max(limit_, 0))};
+    } enter{std::exchange(stand_in::arena_limit, limit_)};
     return fn();
   }
 
@@ -144,4 +155,15 @@ class task_arena {
   int limit_;
 };
 
-}  // namespace tbb
+class ThreadLimit {
+ public:
+  explicit ThreadLimit(uint32_t threads)
+      : saved_(stand_in::thread_limit.exchange(int(std::max(1u, threads)), std::memory_order_relaxed)) {}
+  ~ThreadLimit() { stand_in::thread_limit.store(saved_, std::memory_order_relaxed); }
+  ThreadLimit(const ThreadLimit&) = delete;
+
+ private:
+  int saved_;
+};
+
+}  // namespace raybench
