@@ -55,7 +55,8 @@ void AddOptions(CLI::App& command, VerifyArguments& arguments) {
       ->type_name("SCENE");
   CLI::Option* all = command.add_flag(
       "--all", verify.all,
-      "Every generator at about 3,000 primitives, every fetched model of at most 80,000, every structure at "
+      "Every generator at 3,000 primitives or its fewest, every fetched model of at most 80,000, every "
+      "structure at "
       "each of its numerics: a table with a line a scene, and details only of what is broken");
   command
       .add_option("--structures", arguments.structures,

@@ -85,6 +85,8 @@ TEST(HarnessBudget, SamplesAreAsManyAsTheBudgetPaysAndThreeAtLeast) {
   EXPECT_EQ((TimeBudget{.seconds = 0.36, .repetitions = 9, .fixed = true}.Samples(10)), 9u)
       << "what the user asked for";
   EXPECT_EQ((TimeBudget{.seconds = 0.04, .repetitions = 1}.Samples(10)), 1u) << "never more than asked for";
+  EXPECT_EQ((TimeBudget{.seconds = 0.03, .repetitions = 6, .fewest = 1}.Samples(10)), 1u) << "a quick run";
+  EXPECT_EQ((TimeBudget{.seconds = 0.03, .repetitions = 6, .fewest = 1}.Samples(0.01)), 3u);
   const SamplePlan fast = PlanSamples(0.001, budget);
   EXPECT_EQ(fast.passes, 20u);
   EXPECT_TRUE(fast.warm_up);

@@ -24,8 +24,8 @@ class HarnessShell : public HarnessCommand {
   /// One shell command, in which $RB is raybench; in the test's folder.
   Outcome Shell(const std::string& line) {
     const std::string command =
-        fmt::format("cd '{0}' && RB='{1}/raybench'; ( {2} ) > '{0}/stdout' 2> '{0}/stderr'", folder_.string(),
-                    kBinaryDirectory, line);
+        fmt::format("cd '{0}' && export RB='{1}/raybench'; ( {2} ) > '{0}/stdout' 2> '{0}/stderr'",
+                    folder_.string(), kBinaryDirectory, line);
     const int status = std::system(command.c_str());
     return {WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status), Read(folder_ / "stdout"),
             Read(folder_ / "stderr")};
@@ -177,6 +177,50 @@ TEST_F(HarnessShell, AFileThatMayNotGrowIsOneLineAndLeavesNoHalf) {
   EXPECT_THAT(outcome.err, HasSubstr("random.rays"));
   EXPECT_EQ(TemporaryFiles(), 0u);
   EXPECT_FALSE(fs::exists(folder_ / "rays" / "random.rays"));
+}
+
+TEST_F(HarnessShell, APictureThatMayNotGrowLeavesNoHalf) {
+  const Outcome outcome = Shell("ulimit -f 4; $RB render 'sphereflake(depth=2)' --size 200x200 -o a.png");
+  EXPECT_EQ(outcome.exit_code, 2) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("a.png"));
+  EXPECT_EQ(TemporaryFiles(), 0u);
+  EXPECT_FALSE(fs::exists(folder_ / "a.png"));
+}
+
+TEST_F(HarnessShell, WithoutPythonARunSaysHowToDrawItsPlotsAndAReportSaysWhy) {
+  const std::string run =
+      "$RB run 'icosphere(level=1)' --structures bvh_sah --quick --rays 64 --threads 1 --out r";
+  const Outcome outcome = Shell("RAYBENCH_PYTHON=/nonexistent " + run);
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("plots   not drawn: "));
+  EXPECT_THAT(outcome.out, HasSubstr("then: raybench report r"));
+  const Outcome report = Shell("RAYBENCH_PYTHON=/nonexistent $RB report r");
+  EXPECT_EQ(report.exit_code, 2);
+  EXPECT_TRUE(IsOneLine(report.err)) << report.err;
+}
+
+TEST_F(HarnessShell, WhatIsMountedReadOnlyIsOneLine) {
+  const std::string mounted = "unshare -m sh -c 'mkdir -p ro && mount -t tmpfs -o ro none ro && ";
+  if (Shell(mounted + "true'").exit_code != 0) GTEST_SKIP() << "SKIPPED: this process may not mount anything";
+  for (const char* words :
+       {"run \"icosphere(level=1)\" --structures null --quick --rays 64 --no-report --out ro/x",
+        "verify \"icosphere(level=1)\" --structures brute --rays 64 --out ro/x",
+        "extremes --quick --suites scale --structures brute --no-report --out ro/x",
+        "render \"icosphere(level=1)\" --size 8x8 -o ro/x.png",
+        "rays record \"icosphere(level=1)\" --rays 64 --sets random -o ro"}) {
+    const Outcome outcome = Shell(mounted + "$RB " + words + "'");
+    EXPECT_EQ(outcome.exit_code, 2) << words << outcome.err;
+    EXPECT_THAT(outcome.err, HasSubstr("ro")) << words;
+    EXPECT_THAT(outcome.err, ::testing::Not(HasSubstr("terminate"))) << words;
+  }
+}
+
+TEST_F(HarnessShell, APluginMayLieInAFolderOfAnyLetters) {
+  const fs::path odd = folder_ / "Ünï cödé 模型";
+  fs::create_directories(odd);
+  fs::copy_file(BuildPlugins() / "libsorted_list.so", odd / "libsörted list.so");
+  const Outcome list = Call({"--plugin", (odd / "libsörted list.so").string(), "list", "structures"});
+  EXPECT_THAT(list.out, HasSubstr("\nsorted_list ")) << list.err;
 }
 
 TEST_F(HarnessShell, AFolderThatCannotBeWrittenIsOneLine) {

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <cstring>
 #include <fstream>
 
@@ -158,14 +159,16 @@ void WriteRayFile(const fs::path& path, const RaySet& set, const Scene& scene, c
 
   const fs::path temporary = fmt::format("{}.{}.tmp", path.string(), getpid());
   std::error_code error, ignored;
+  errno = 0;
   std::ofstream out(temporary, std::ios::binary);
   out.write(reinterpret_cast<const char*>(&raw), sizeof raw);
   out.write(reinterpret_cast<const char*>(rays.data()), std::streamsize(rays.size() * sizeof(rb_ray)));
   out.close();
-  if (out) fs::rename(temporary, path, error);
-  if (!out || error) {
+  if (!out) error.assign(errno != 0 ? errno : EIO, std::generic_category());
+  if (!error) fs::rename(temporary, path, error);
+  if (error) {
     fs::remove(temporary, ignored);
-    Fail(path, "cannot be written" + (error ? ": " + error.message() : std::string()));
+    Fail(path, "cannot be written: " + error.message());
   }
 }
 
