@@ -29,40 +29,17 @@ struct BvhConfig {
 };
 
 // Their descriptions, for Params(); BvhConfig stands at offset 0.
-inline constexpr rb_param kBvhNumerics = {"numerics",
-                                          kNumericsDoc,
-                                          RB_CHOICE,
-                                          RB_PARAM_APPROXIMATE,
-                                          offsetof(BvhConfig, numerics),
-                                          0,
-                                          0,
-                                          0,
-                                          double(Numerics::kWatertight),
-                                          kNumericsChoices};
+inline constexpr rb_param kBvhNumerics = NumericsParam(offsetof(BvhConfig, numerics));
 constexpr rb_param BvhLeafSize(double by_default) {
-  return {"leaf_size", "most primitives in a leaf", RB_INT,     0,      offsetof(BvhConfig, leaf_size), 0,
-          1,           double(Bvh2::kMaxLeaf),      by_default, nullptr};
+  return IntParam("leaf_size", "most primitives in a leaf", offsetof(BvhConfig, leaf_size), 1,
+                  double(Bvh2::kMaxLeaf), by_default);
 }
-inline constexpr rb_param kBvhTraversalCost = {"traversal_cost",
-                                               "cost of a node in units of one leaf block of four primitives",
-                                               RB_FLOAT,
-                                               0,
-                                               offsetof(BvhConfig, traversal_cost),
-                                               0,
-                                               0,
-                                               100,
-                                               1.5,
-                                               nullptr};
-inline constexpr rb_param kBvhReinsertion = {"reinsertion",
-                                             "passes that move subtrees to where they cost less",
-                                             RB_INT,
-                                             0,
-                                             offsetof(BvhConfig, reinsertion),
-                                             0,
-                                             0,
-                                             100,
-                                             0,
-                                             nullptr};
+inline constexpr rb_param kBvhTraversalCost =
+    FloatParam("traversal_cost", "cost of a node in units of one leaf block of four primitives",
+               offsetof(BvhConfig, traversal_cost), 0, 100, 1.5);
+inline constexpr rb_param kBvhReinsertion =
+    IntParam("reinsertion", "passes that move subtrees to where they cost less",
+             offsetof(BvhConfig, reinsertion), 0, 100, 0);
 
 class BvhStructure {
  public:

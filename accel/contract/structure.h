@@ -28,6 +28,7 @@
 #include "accel/base/float_state.h"
 #include "accel/base/vec3.h"
 #include "accel/contract/counting.h"
+#include "accel/contract/parameters.h"
 #include "accel/contract/raybench.h"
 #include "accel/contract/valid_ray.h"
 

@@ -55,16 +55,14 @@ class KdMedianStructure : public KdStructure {
   static std::span<const rb_param> Params() {
     static const char* const axes[] = {"cyclic", "largest", nullptr};
     static const rb_param params[] = {
-        {"numerics", kNumericsDoc, RB_CHOICE, RB_PARAM_APPROXIMATE, offsetof(Config, numerics), 0, 0, 0,
-         double(Numerics::kWatertight), kNumericsChoices},
-        {"axis", "axis of the plane: in turn, or of the cell's largest extent", RB_CHOICE, 0,
-         offsetof(Config, axis), 0, 0, 0, double(KdAxisRule::kLargest), axes},
-        {"clip", kKdClipDoc, RB_BOOL, 0, offsetof(Config, clip), 0, 0, 1, 1, nullptr},
-        {"leaf_size", kKdLeafSizeDoc, RB_INT, 0, offsetof(Config, leaf_size), 0, 1, 1024, 16, nullptr},
-        {"max_depth", kKdMaxDepthDoc, RB_INT, 0, offsetof(Config, max_depth), 0, 0,
-         double(KdTree::kMaxDepth - 1), 0, nullptr},
-        {"duplication", kKdDuplicationDoc, RB_FLOAT, 0, offsetof(Config, duplication), 0, 0, 100, 8,
-         nullptr}};
+        NumericsParam(offsetof(Config, numerics)),
+        ChoiceParam("axis", "axis of the plane: in turn, or of the cell's largest extent",
+                    offsetof(Config, axis), axes, uint32_t(KdAxisRule::kLargest)),
+        BoolParam("clip", kKdClipDoc, offsetof(Config, clip), true),
+        IntParam("leaf_size", kKdLeafSizeDoc, offsetof(Config, leaf_size), 1, 1024, 16),
+        IntParam("max_depth", kKdMaxDepthDoc, offsetof(Config, max_depth), 0, double(KdTree::kMaxDepth - 1),
+                 0),
+        FloatParam("duplication", kKdDuplicationDoc, offsetof(Config, duplication), 0, 100, 8)};
     return params;
   }
 

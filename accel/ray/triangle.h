@@ -18,6 +18,7 @@
 
 #include "accel/base/simd.h"
 #include "accel/base/vec3.h"
+#include "accel/contract/parameters.h"
 #include "accel/contract/raybench.h"
 #include "accel/ray/exact.h"
 
@@ -29,6 +30,11 @@ inline constexpr const char* kNumericsChoices[] = {"fast", "watertight", "double
 inline constexpr const char* kNumericsDoc =
     "arithmetic of the ray tests: fast (float, leaks at edges), watertight (vertices sheared in float, signs "
     "exact, no leaks), double (the same in double), exact (exact predicates, t correctly rounded)";
+/// The build parameter that chooses among them, `watertight` by default.
+constexpr rb_param NumericsParam(size_t offset) {
+  return ChoiceParam("numerics", kNumericsDoc, offset, kNumericsChoices, uint32_t(Numerics::kWatertight),
+                     RB_PARAM_APPROXIMATE);
+}
 
 /// Vertex access for MayHit: corner, axis -> the coordinate of four triangles.
 struct Lanes {

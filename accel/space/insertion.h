@@ -19,6 +19,9 @@ namespace raybench {
 inline constexpr const char* kInsertionChoices[] = {"bounds", "exact", nullptr};
 inline constexpr const char* kInsertionDoc =
     "what goes into a cell: bounds (primitives whose box meets it), exact (triangles that meet it)";
+constexpr rb_param InsertionParam(size_t offset) {
+  return ChoiceParam("insertion", kInsertionDoc, offset, kInsertionChoices, 0);
+}
 
 class Insertion {
  public:

@@ -18,10 +18,11 @@ struct Config {
 };
 
 const rb_param kParams[] = {
-    {"size", "triangles, taken to whole buildings: 100,030 at 100000", RB_INT, RB_PARAM_LOG,
-     offsetof(Config, size), 0, 70, 1e9, 100000, nullptr},
-    {"strips", "strips from bottom to top on each side of a tower; a building has 20 + 12 strips triangles",
-     RB_INT, RB_PARAM_LOG, offsetof(Config, strips), 0, 1, 64, 4, nullptr},
+    IntParam("size", "triangles, taken to whole buildings: 100,030 at 100000", offsetof(Config, size), 70,
+             1e9, 100000, RB_PARAM_LOG),
+    IntParam("strips",
+             "strips from bottom to top on each side of a tower; a building has 20 + 12 strips triangles",
+             offsetof(Config, strips), 1, 64, 4, RB_PARAM_LOG),
 };
 
 // In metres: lots, and a street after every second one.

@@ -22,17 +22,16 @@ struct Config {
 };
 
 const rb_param kParams[] = {
-    {"size", "triangles, taken to whole strands: 99,995 at 100000", RB_INT, RB_PARAM_LOG,
-     offsetof(Config, size), 0, 60, 1e9, 100000, nullptr},
-    {"segments", "pieces of a strand; it has 2 segments - 1 triangles as a ribbon, 6 segments - 2 as a tube",
-     RB_INT, RB_PARAM_LOG, offsetof(Config, segments), 0, 1, 1024, 8, nullptr},
-    {"length", "of a strand at most, over the ball's radius or half the plane's side", RB_FLOAT, RB_PARAM_LOG,
-     offsetof(Config, length), 0, 0.01, 2, 0.5, nullptr},
-    {"curl", "turns along a strand, held below 0.38 a segment", RB_FLOAT, 0, offsetof(Config, curl), 0, 0, 64,
-     1.5, nullptr},
-    {"shape", "flat, or a closed tube of three sides", RB_CHOICE, 0, offsetof(Config, shape), 0, 0, 0,
-     kRibbon, kShapes},
-    {"on", "what the strands stand on", RB_CHOICE, 0, offsetof(Config, on), 0, 0, 0, kBall, kGrounds},
+    IntParam("size", "triangles, taken to whole strands: 99,995 at 100000", offsetof(Config, size), 60, 1e9,
+             100000, RB_PARAM_LOG),
+    IntParam("segments",
+             "pieces of a strand; it has 2 segments - 1 triangles as a ribbon, 6 segments - 2 as a tube",
+             offsetof(Config, segments), 1, 1024, 8, RB_PARAM_LOG),
+    FloatParam("length", "of a strand at most, over the ball's radius or half the plane's side",
+               offsetof(Config, length), 0.01, 2, 0.5, RB_PARAM_LOG),
+    FloatParam("curl", "turns along a strand, held below 0.38 a segment", offsetof(Config, curl), 0, 64, 1.5),
+    ChoiceParam("shape", "flat, or a closed tube of three sides", offsetof(Config, shape), kShapes, kRibbon),
+    ChoiceParam("on", "what the strands stand on", offsetof(Config, on), kGrounds, kBall),
 };
 
 /// What a configuration comes to.

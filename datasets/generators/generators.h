@@ -10,6 +10,7 @@
 #include "accel/base/parallel.h"
 #include "accel/base/random.h"
 #include "accel/base/vec3.h"
+#include "accel/contract/parameters.h"
 #include "datasets/scene/scene.h"
 
 namespace raybench {

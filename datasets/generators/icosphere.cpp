@@ -12,8 +12,8 @@ struct Config {
 };
 
 const rb_param kParams[] = {
-    {"level", "20 * 4^level triangles: 81,920 at 6, 1,310,720 at 8", RB_INT, 0, offsetof(Config, level), 0, 0,
-     11, 6, nullptr},
+    IntParam("level", "20 * 4^level triangles: 81,920 at 6, 1,310,720 at 8", offsetof(Config, level), 0, 11,
+             6),
 };
 
 uint64_t Count(const void* config) { return uint64_t{20} << (2 * static_cast<const Config*>(config)->level); }

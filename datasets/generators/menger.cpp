@@ -23,9 +23,10 @@ struct Config {
 };
 
 const rb_param kParams[] = {
-    {"depth",
-     "times it is cut: 4 * 20^depth + 8 * 8^depth triangles: 36,096 at 3, 672,768 at 4, 13,062,144 at 5",
-     RB_INT, 0, offsetof(Config, depth), 0, 0, 7, 3, nullptr},
+    IntParam(
+        "depth",
+        "times it is cut: 4 * 20^depth + 8 * 8^depth triangles: 36,096 at 3, 672,768 at 4, 13,062,144 at 5",
+        offsetof(Config, depth), 0, 7, 3),
 };
 
 uint64_t Count(const void* config) {

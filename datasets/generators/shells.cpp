@@ -18,10 +18,11 @@ struct Config {
 };
 
 const rb_param kParams[] = {
-    {"size", "triangles, about; never fewer than keep the shells apart (140 for 4 shells, 16,780 for 64)",
-     RB_INT, RB_PARAM_LOG, offsetof(Config, size), 0, 20, 1e9, 100000, nullptr},
-    {"count", "shells; their radii are 1/count, 2/count, ... 1", RB_INT, RB_PARAM_LOG,
-     offsetof(Config, count), 0, 1, 256, 4, nullptr},
+    IntParam("size",
+             "triangles, about; never fewer than keep the shells apart (140 for 4 shells, 16,780 for 64)",
+             offsetof(Config, size), 20, 1e9, 100000, RB_PARAM_LOG),
+    IntParam("count", "shells; their radii are 1/count, 2/count, ... 1", offsetof(Config, count), 1, 256, 4,
+             RB_PARAM_LOG),
 };
 
 /// How finely each shell is cut, from the innermost: 20 n^2 triangles. As alike as the size allows.

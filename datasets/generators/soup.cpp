@@ -17,11 +17,11 @@ struct Config {
 };
 
 const rb_param kParams[] = {
-    {"size", "triangles to strew", RB_INT, RB_PARAM_LOG, offsetof(Config, size), 0, 1, 1e9, 50000, nullptr},
-    {"length", "of a triangle, over the mean distance between triangles", RB_FLOAT, RB_PARAM_LOG,
-     offsetof(Config, length), 0, 0.1, 100, 8, nullptr},
-    {"aspect", "length over width of a triangle", RB_FLOAT, RB_PARAM_LOG, offsetof(Config, aspect), 0, 1,
-     1000, 40, nullptr},
+    IntParam("size", "triangles to strew", offsetof(Config, size), 1, 1e9, 50000, RB_PARAM_LOG),
+    FloatParam("length", "of a triangle, over the mean distance between triangles", offsetof(Config, length),
+               0.1, 100, 8, RB_PARAM_LOG),
+    FloatParam("aspect", "length over width of a triangle", offsetof(Config, aspect), 1, 1000, 40,
+               RB_PARAM_LOG),
 };
 
 uint64_t Count(const void* config) { return uint64_t(static_cast<const Config*>(config)->size); }

@@ -16,8 +16,7 @@ struct SpdConfig {
 
 /// The databases' only parameter.
 constexpr rb_param SpdSize(const char* doc, int lo, int hi, int published) {
-  return {"size", doc, RB_INT, 0, offsetof(SpdConfig, size), 0, double(lo), double(hi), double(published),
-          nullptr};
+  return IntParam("size", doc, offsetof(SpdConfig, size), double(lo), double(hi), double(published));
 }
 inline int64_t SpdSizeOf(const void* config) { return static_cast<const SpdConfig*>(config)->size; }
 

@@ -15,13 +15,14 @@ struct Config {
 };
 
 const rb_param kParams[] = {
-    {"depth", "generations below the first sphere: (9^(depth+1) - 1) / 8 spheres", RB_INT, 0,
-     offsetof(Config, depth), 0, 0, 8, 3, nullptr},
-    {"tessellation",
-     "0: analytic spheres; else the first sphere has 20 * 4^tessellation triangles and each generation a "
-     "quarter of the "
-     "one before, 20 at least (100,882 triangles in all at (3,4), 1,413,082 at (5,4))",
-     RB_INT, 0, offsetof(Config, tessellation), 0, 0, 8, 4, nullptr},
+    IntParam("depth", "generations below the first sphere: (9^(depth+1) - 1) / 8 spheres",
+             offsetof(Config, depth), 0, 8, 3),
+    IntParam(
+        "tessellation",
+        "0: analytic spheres; else the first sphere has 20 * 4^tessellation triangles and each generation a "
+        "quarter of the "
+        "one before, 20 at least (100,882 triangles in all at (3,4), 1,413,082 at (5,4))",
+        offsetof(Config, tessellation), 0, 8, 4),
 };
 
 struct Placement {

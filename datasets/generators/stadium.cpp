@@ -18,10 +18,11 @@ constexpr uint32_t kSegments = 96, kRows = 24;
 constexpr uint64_t kArenaTriangles = kSegments * (1 + 4 * kRows + 2);
 
 const rb_param kParams[] = {
-    {"size", "triangles of the object, taken to the nearest 20 n^2: 69,620 at 70000, 1,003,520 at 1000000",
-     RB_INT, RB_PARAM_LOG, offsetof(Config, size), 0, 20, 100e6, 70000, nullptr},
-    {"ratio", "diameter of the arena (9,504 triangles) over the size of the object", RB_FLOAT, RB_PARAM_LOG,
-     offsetof(Config, ratio), 0, 5, 1e6, 100, nullptr},
+    IntParam("size",
+             "triangles of the object, taken to the nearest 20 n^2: 69,620 at 70000, 1,003,520 at 1000000",
+             offsetof(Config, size), 20, 100e6, 70000, RB_PARAM_LOG),
+    FloatParam("ratio", "diameter of the arena (9,504 triangles) over the size of the object",
+               offsetof(Config, ratio), 5, 1e6, 100, RB_PARAM_LOG),
 };
 static_assert(kArenaTriangles == 9504);
 

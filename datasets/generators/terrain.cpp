@@ -19,10 +19,10 @@ struct Config {
 };
 
 const rb_param kParams[] = {
-    {"size", "triangles, taken to the nearest 2 n^2: 100,352 at 100000", RB_INT, RB_PARAM_LOG,
-     offsetof(Config, size), 0, 2, 1e9, 100000, nullptr},
-    {"relief", "height of the highest mountains over half the side of the land", RB_FLOAT, RB_PARAM_LOG,
-     offsetof(Config, relief), 0, 0.001, 2, 0.35, nullptr},
+    IntParam("size", "triangles, taken to the nearest 2 n^2: 100,352 at 100000", offsetof(Config, size), 2,
+             1e9, 100000, RB_PARAM_LOG),
+    FloatParam("relief", "height of the highest mountains over half the side of the land",
+               offsetof(Config, relief), 0.001, 2, 0.35, RB_PARAM_LOG),
 };
 
 uint64_t Cells(const Config& c) { return uint64_t(std::max(1.0, std::round(std::sqrt(double(c.size) / 2)))); }

@@ -14,8 +14,8 @@ struct Config {
 };
 
 const rb_param kParams[] = {
-    {"n", "cells along one side: 2 n^2 + 12 n triangles: 66,960 at 180, 1,008,182 at 707", RB_INT,
-     RB_PARAM_LOG, offsetof(Config, n), 0, 1, 8000, 180, nullptr},
+    IntParam("n", "cells along one side: 2 n^2 + 12 n triangles: 66,960 at 180, 1,008,182 at 707",
+             offsetof(Config, n), 1, 8000, 180, RB_PARAM_LOG),
 };
 
 uint64_t Count(const void* config) {

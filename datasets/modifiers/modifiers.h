@@ -1,6 +1,7 @@
 // What makes a scene from a scene: one file each, its stem is the name users type.
 #pragma once
 
+#include "accel/contract/parameters.h"
 #include "datasets/scene/scene.h"
 
 namespace raybench {

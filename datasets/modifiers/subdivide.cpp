@@ -31,14 +31,14 @@ struct Config {
 };
 
 const rb_param kParams[] = {
-    {"levels", "times that each triangle becomes four, or three with sqrt3", RB_INT, 0,
-     offsetof(Config, levels), 0, 0, 15, 1, nullptr},
-    {"scheme",
-     "loop smooths (Loop 1987), midpoint keeps the surface, sqrt3 smooths in smaller steps (Kobbelt 2000), "
-     "butterfly smooths and keeps the vertices (Zorin, Schroeder, Sweldens 1996)",
-     RB_CHOICE, 0, offsetof(Config, scheme), 0, 0, 0, kLoop, kSchemes},
-    {"weld", "make vertices of equal coordinates one first", RB_BOOL, 0, offsetof(Config, weld), 0, 0, 0, 1,
-     nullptr},
+    IntParam("levels", "times that each triangle becomes four, or three with sqrt3", offsetof(Config, levels),
+             0, 15, 1),
+    ChoiceParam("scheme",
+                "loop smooths (Loop 1987), midpoint keeps the surface, sqrt3 smooths in smaller steps "
+                "(Kobbelt 2000), "
+                "butterfly smooths and keeps the vertices (Zorin, Schroeder, Sweldens 1996)",
+                offsetof(Config, scheme), kSchemes, kLoop),
+    BoolParam("weld", "make vertices of equal coordinates one first", offsetof(Config, weld), true),
 };
 
 struct Traits : OpenMesh::DefaultTraits {

@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <limits>
 
+#include "accel/contract/parameters.h"
 #include "accel/host/names.h"
 #include "accel/host/registry.h"
 
@@ -35,10 +36,10 @@ struct Config {
 };
 const char* const kModes[] = {"slow", "quick", nullptr};
 const rb_param kParams[] = {
-    {"count", "how many", RB_INT, 0, offsetof(Config, count), 0, 1, 9, 4, nullptr},
-    {"factor", "how much", RB_FLOAT, 0, offsetof(Config, factor), 0, 0, 1, 0.1, nullptr},
-    {"mode", "how", RB_CHOICE, 0, offsetof(Config, mode), 0, 0, 0, 1, kModes},
-    {"flag", "whether", RB_BOOL, 0, offsetof(Config, flag), 0, 0, 1, 0, nullptr},
+    IntParam("count", "how many", offsetof(Config, count), 1, 9, 4),
+    FloatParam("factor", "how much", offsetof(Config, factor), 0, 1, 0.1),
+    ChoiceParam("mode", "how", offsetof(Config, mode), kModes, 1),
+    BoolParam("flag", "whether", offsetof(Config, flag), 0),
 };
 
 std::vector<std::byte> Make(std::string_view text) {

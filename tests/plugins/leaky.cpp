@@ -23,11 +23,11 @@ class Leaky {
   static constexpr const char* kSource = "raybench's tests";
   static constexpr uint64_t kCapabilities = RB_DETERMINISTIC;
   static std::span<const rb_param> Params() {
-    static const rb_param params[] = {
-        {"flaw",
-         "drop: the middle triangle is in no leaf; box: a leaf's box ends too early; gap: a cell of a "
-         "space partition lacks a triangle that reaches into it",
-         RB_CHOICE, 0, offsetof(Config, flaw), 0, 0, 0, 0, kFlaws}};
+    static const rb_param params[] = {ChoiceParam(
+        "flaw",
+        "drop: the middle triangle is in no leaf; box: a leaf's box ends too early; gap: a cell of a "
+        "space partition lacks a triangle that reaches into it",
+        offsetof(Config, flaw), kFlaws, 0)};
     return params;
   }
 

@@ -86,11 +86,9 @@ class BvhMedian : public BvhStructure {
   static std::span<const rb_param> Params() {
     static const rb_param params[] = {
         kBvhNumerics,
-        {"axis", "split along the largest extent of the centres, or X, Y, Z in turn", RB_CHOICE, 0,
-         offsetof(Config, axis), 0, 0, 0, double(AxisRule::kLargest), kAxisChoices},
-        BvhLeafSize(4),
-        kBvhTraversalCost,
-        kBvhReinsertion};
+        ChoiceParam("axis", "split along the largest extent of the centres, or X, Y, Z in turn",
+                    offsetof(Config, axis), kAxisChoices, uint32_t(AxisRule::kLargest)),
+        BvhLeafSize(4), kBvhTraversalCost, kBvhReinsertion};
     return params;
   }
 

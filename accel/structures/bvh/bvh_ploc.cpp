@@ -149,11 +149,9 @@ class BvhPloc : public BvhStructure {
       "Meister, Bittner 2018: Parallel locally-ordered clustering for bounding volume hierarchy construction";
   static std::span<const rb_param> Params() {
     static const rb_param params[] = {kBvhNumerics,
-                                      {"radius", "clusters looked at on either side, in Morton order", RB_INT,
-                                       0, offsetof(Config, radius), 0, 1, 1000, 16, nullptr},
-                                      BvhLeafSize(8),
-                                      kBvhTraversalCost,
-                                      kBvhReinsertion};
+                                      IntParam("radius", "clusters looked at on either side, in Morton order",
+                                               offsetof(Config, radius), 1, 1000, 16),
+                                      BvhLeafSize(8), kBvhTraversalCost, kBvhReinsertion};
     return params;
   }
 

@@ -28,12 +28,9 @@ class BvhSah : public BvhStructure {
   static constexpr const char* kSource =
       "Wald 2007: On fast construction of SAH-based bounding volume hierarchies";
   static std::span<const rb_param> Params() {
-    static const rb_param params[] = {
-        kBvhNumerics,
-        {"bins", "bins per axis", RB_INT, 0, offsetof(Config, bins), 0, 2, 64, 16, nullptr},
-        BvhLeafSize(8),
-        kBvhTraversalCost,
-        kBvhReinsertion};
+    static const rb_param params[] = {kBvhNumerics,
+                                      IntParam("bins", "bins per axis", offsetof(Config, bins), 2, 64, 16),
+                                      BvhLeafSize(8), kBvhTraversalCost, kBvhReinsertion};
     return params;
   }
 

@@ -425,9 +425,9 @@ class BvhSpatial : public BvhStructure {
   static std::span<const rb_param> Params() {
     static const rb_param params[] = {
         kBvhNumerics,
-        {"bins", "bins and slices per axis", RB_INT, 0, offsetof(Config, bins), 0, 2, 64, 16, nullptr},
-        {"split_budget", "most duplicate references, as a share of the primitives", RB_FLOAT, 0,
-         offsetof(Config, split_budget), 0, 0, 10, 1, nullptr},
+        IntParam("bins", "bins and slices per axis", offsetof(Config, bins), 2, 64, 16),
+        FloatParam("split_budget", "most duplicate references, as a share of the primitives",
+                   offsetof(Config, split_budget), 0, 10, 1),
         BvhLeafSize(8),
         kBvhTraversalCost,
         kBvhReinsertion};

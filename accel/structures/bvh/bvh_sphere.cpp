@@ -29,10 +29,8 @@ class BvhSphere {
       RB_CAN_COUNT | RB_CAN_PROCEDURAL | RB_CAN_AFTER | RB_CAN_SKIP | RB_DETERMINISTIC;
   static std::span<const rb_param> Params() {
     static const rb_param params[] = {
-        {"numerics", kNumericsDoc, RB_CHOICE, RB_PARAM_APPROXIMATE, offsetof(Config, numerics), 0, 0, 0,
-         double(Numerics::kWatertight), kNumericsChoices},
-        {"leaf_size", "most primitives in a leaf", RB_INT, 0, offsetof(Config, leaf_size), 0, 1, 16, 8,
-         nullptr}};
+        NumericsParam(offsetof(Config, numerics)),
+        IntParam("leaf_size", "most primitives in a leaf", offsetof(Config, leaf_size), 1, 16, 8)};
     return params;
   }
 

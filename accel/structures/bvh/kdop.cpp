@@ -35,12 +35,10 @@ class Kdop {
   static std::span<const rb_param> Params() {
     static const char* const kChoices[] = {"6", "14", "18", "26", nullptr};
     static const rb_param params[] = {
-        {"k", "planes of a bound: 6 is a box, 14 cuts its corners, 18 its edges, 26 both", RB_CHOICE, 0,
-         offsetof(Config, k), 0, 0, 0, 1, kChoices},
-        {"numerics", kNumericsDoc, RB_CHOICE, RB_PARAM_APPROXIMATE, offsetof(Config, numerics), 0, 0, 0,
-         double(Numerics::kWatertight), kNumericsChoices},
-        {"leaf_size", "most primitives in a leaf", RB_INT, 0, offsetof(Config, leaf_size), 0, 1, 16, 8,
-         nullptr}};
+        ChoiceParam("k", "planes of a bound: 6 is a box, 14 cuts its corners, 18 its edges, 26 both",
+                    offsetof(Config, k), kChoices, 1),
+        NumericsParam(offsetof(Config, numerics)),
+        IntParam("leaf_size", "most primitives in a leaf", offsetof(Config, leaf_size), 1, 16, 8)};
     return params;
   }
 

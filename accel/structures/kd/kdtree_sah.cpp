@@ -30,24 +30,23 @@ class KdTreeSah : public KdStructure {
     static const char* const builders[] = {"sweep", "binned", nullptr};
     static const char* const axes[] = {"cyclic", "largest", "best", nullptr};
     static const rb_param params[] = {
-        {"numerics", kNumericsDoc, RB_CHOICE, RB_PARAM_APPROXIMATE, offsetof(Config, numerics), 0, 0, 0,
-         double(Numerics::kWatertight), kNumericsChoices},
-        {"builder", "planes compared: all that bound a primitive (sweep), or evenly spaced ones (binned)",
-         RB_CHOICE, 0, offsetof(Config, builder), 0, 0, 0, 0, builders},
-        {"axis", "axis of the plane: in turn, of the cell's largest extent, or the best of all", RB_CHOICE, 0,
-         offsetof(Config, axis), 0, 0, 0, double(KdAxisRule::kBest), axes},
-        {"clip", kKdClipDoc, RB_BOOL, 0, offsetof(Config, clip), 0, 0, 1, 1, nullptr},
-        {"traversal_cost", "cost of a node in units of one leaf block of four primitives", RB_FLOAT, 0,
-         offsetof(Config, traversal_cost), 0, 0, 100, 1.5, nullptr},
-        {"empty_bonus", "share of the cost forgiven to a plane that cuts off empty space", RB_FLOAT, 0,
-         offsetof(Config, empty_bonus), 0, 0, 1, 0.1, nullptr},
-        {"leaf_size", kKdLeafSizeDoc, RB_INT, 0, offsetof(Config, leaf_size), 0, 0, 1024, 1, nullptr},
-        {"max_depth", kKdMaxDepthDoc, RB_INT, 0, offsetof(Config, max_depth), 0, 0,
-         double(KdTree::kMaxDepth - 1), 0, nullptr},
-        {"bins", "binned: planes compared on each axis", RB_INT, 0, offsetof(Config, bins), 0, 2,
-         double(kMaxKdBins), 32, nullptr},
-        {"duplication", kKdDuplicationDoc, RB_FLOAT, 0, offsetof(Config, duplication), 0, 0, 100, 8,
-         nullptr}};
+        NumericsParam(offsetof(Config, numerics)),
+        ChoiceParam("builder",
+                    "planes compared: all that bound a primitive (sweep), or evenly spaced ones (binned)",
+                    offsetof(Config, builder), builders, 0),
+        ChoiceParam("axis", "axis of the plane: in turn, of the cell's largest extent, or the best of all",
+                    offsetof(Config, axis), axes, uint32_t(KdAxisRule::kBest)),
+        BoolParam("clip", kKdClipDoc, offsetof(Config, clip), true),
+        FloatParam("traversal_cost", "cost of a node in units of one leaf block of four primitives",
+                   offsetof(Config, traversal_cost), 0, 100, 1.5),
+        FloatParam("empty_bonus", "share of the cost forgiven to a plane that cuts off empty space",
+                   offsetof(Config, empty_bonus), 0, 1, 0.1),
+        IntParam("leaf_size", kKdLeafSizeDoc, offsetof(Config, leaf_size), 0, 1024, 1),
+        IntParam("max_depth", kKdMaxDepthDoc, offsetof(Config, max_depth), 0, double(KdTree::kMaxDepth - 1),
+                 0),
+        IntParam("bins", "binned: planes compared on each axis", offsetof(Config, bins), 2,
+                 double(kMaxKdBins), 32),
+        FloatParam("duplication", kKdDuplicationDoc, offsetof(Config, duplication), 0, 100, 8)};
     return params;
   }
 

@@ -218,10 +218,10 @@ class CgalAabb {
   static constexpr uint64_t kCapabilities = RB_CAN_AFTER | RB_CAN_SKIP | RB_DETERMINISTIC;
   static std::span<const rb_param> Params() {
     static const char* const kKernels[] = {"epick", "cartesian_double", "cartesian_float", nullptr};
-    static const rb_param params[] = {
-        {"kernel",
-         "numbers and predicates: epick (double, exact predicates), cartesian_double, cartesian_float",
-         RB_CHOICE, RB_PARAM_APPROXIMATE, offsetof(Config, kernel), 0, 0, 0, 0, kKernels}};
+    static const rb_param params[] = {ChoiceParam(
+        "kernel",
+        "numbers and predicates: epick (double, exact predicates), cartesian_double, cartesian_float",
+        offsetof(Config, kernel), kKernels, 0, RB_PARAM_APPROXIMATE)};
     return params;
   }
 

@@ -55,14 +55,13 @@ class Embree {
   static constexpr uint64_t kCapabilities = RB_CAN_PROCEDURAL;
   static std::span<const rb_param> Params() {
     static const rb_param params[] = {
-        {"quality", "build quality: low (Morton), medium (binned SAH), high (spatial splits)", RB_CHOICE, 0,
-         offsetof(Config, quality), 0, 0, 0, 1, kQualities},
-        {"robust", "RTC_SCENE_FLAG_ROBUST: tests that avoid leaks at edges", RB_BOOL, RB_PARAM_APPROXIMATE,
-         offsetof(Config, robust), 0, 0, 1, 0, nullptr},
-        {"compact", "RTC_SCENE_FLAG_COMPACT: less memory", RB_BOOL, 0, offsetof(Config, compact), 0, 0, 1, 0,
-         nullptr},
-        {"flush_to_zero", "trace with subnormal numbers taken for 0, as Embree's manual recommends", RB_BOOL,
-         RB_PARAM_APPROXIMATE, offsetof(Config, flush_to_zero), 0, 0, 1, 0, nullptr}};
+        ChoiceParam("quality", "build quality: low (Morton), medium (binned SAH), high (spatial splits)",
+                    offsetof(Config, quality), kQualities, 1),
+        BoolParam("robust", "RTC_SCENE_FLAG_ROBUST: tests that avoid leaks at edges",
+                  offsetof(Config, robust), 0, RB_PARAM_APPROXIMATE),
+        BoolParam("compact", "RTC_SCENE_FLAG_COMPACT: less memory", offsetof(Config, compact), false),
+        BoolParam("flush_to_zero", "trace with subnormal numbers taken for 0, as Embree's manual recommends",
+                  offsetof(Config, flush_to_zero), 0, RB_PARAM_APPROXIMATE)};
     return params;
   }
 

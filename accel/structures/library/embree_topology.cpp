@@ -65,14 +65,11 @@ class EmbreeTopology {
   static std::span<const rb_param> Params() {
     static const char* const kQualities[] = {"low", "medium", nullptr};
     static const rb_param params[] = {
-        {"quality", "build quality: low (Morton), medium (binned SAH)", RB_CHOICE, 0,
-         offsetof(Config, quality), 0, 0, 0, 1, kQualities},
-        {"numerics", kNumericsDoc, RB_CHOICE, RB_PARAM_APPROXIMATE, offsetof(Config, numerics), 0, 0, 0,
-         double(Numerics::kWatertight), kNumericsChoices},
-        {"width", "most children of a node", RB_INT, 0, offsetof(Config, width), 0, 2, kWidth, kWidth,
-         nullptr},
-        {"leaf_size", "most primitives in a leaf", RB_INT, 0, offsetof(Config, leaf_size), 0, 1, kMaxLeaf, 8,
-         nullptr}};
+        ChoiceParam("quality", "build quality: low (Morton), medium (binned SAH)", offsetof(Config, quality),
+                    kQualities, 1),
+        NumericsParam(offsetof(Config, numerics)),
+        IntParam("width", "most children of a node", offsetof(Config, width), 2, kWidth, kWidth),
+        IntParam("leaf_size", "most primitives in a leaf", offsetof(Config, leaf_size), 1, kMaxLeaf, 8)};
     return params;
   }
 

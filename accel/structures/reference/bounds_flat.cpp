@@ -31,9 +31,8 @@ class BoundsFlat {
   static std::span<const rb_param> Params() {
     static const char* const kBounds[] = {"sphere", "box", "kdop14", "kdop26", nullptr};
     static const rb_param params[] = {
-        {"bound", "kind of bound", RB_CHOICE, 0, offsetof(Config, bound), 0, 0, 0, 1, kBounds},
-        {"numerics", kNumericsDoc, RB_CHOICE, RB_PARAM_APPROXIMATE, offsetof(Config, numerics), 0, 0, 0,
-         double(Numerics::kWatertight), kNumericsChoices}};
+        ChoiceParam("bound", "kind of bound", offsetof(Config, bound), kBounds, 1),
+        NumericsParam(offsetof(Config, numerics))};
     return params;
   }
 

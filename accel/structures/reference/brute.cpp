@@ -16,9 +16,7 @@ class Brute {
   static constexpr uint64_t kCapabilities =
       RB_CAN_COUNT | RB_CAN_PROCEDURAL | RB_CAN_AFTER | RB_CAN_SKIP | RB_DETERMINISTIC | RB_LINEAR;
   static std::span<const rb_param> Params() {
-    static const rb_param params[] = {{"numerics", kNumericsDoc, RB_CHOICE, RB_PARAM_APPROXIMATE,
-                                       offsetof(Config, numerics), 0, 0, 0, double(Numerics::kWatertight),
-                                       kNumericsChoices}};
+    static const rb_param params[] = {NumericsParam(offsetof(Config, numerics))};
     return params;
   }
 

@@ -13,13 +13,12 @@
 //
 // Invariants: a primitive stands in every cell that it meets; the same grid at any thread count.
 
-#include "accel/base/parallel.h"
-#include "accel/space/voxel_grid.h"
+#include "accel/space/grid_structure.h"
 
 namespace raybench {
 namespace {
 
-class Grid {
+class Grid : public GridStructure {
  public:
   struct Config {
     double density, references;
@@ -30,61 +29,41 @@ class Grid {
   static constexpr const char* kDoc = "uniform grid, walked cell by cell";
   static constexpr const char* kSource =
       "Amanatides and Woo 1987: A fast voxel traversal algorithm for ray tracing";
-  static constexpr uint64_t kCapabilities =
-      RB_CAN_COUNT | RB_CAN_PROCEDURAL | RB_CAN_AFTER | RB_CAN_SKIP | RB_DETERMINISTIC;
   static std::span<const rb_param> Params() {
     constexpr auto kMax = double(VoxelGrid::kMaxResolution);
     static const rb_param params[] = {
-        {"numerics", kNumericsDoc, RB_CHOICE, RB_PARAM_APPROXIMATE, offsetof(Config, numerics), 0, 0, 0,
-         double(Numerics::kWatertight), kNumericsChoices},
-        {"rule", kGridRuleDoc, RB_CHOICE, 0, offsetof(Config, rule), 0, 0, 0,
-         double(GridRule::kHeterogeneous), kGridRuleChoices},
-        {"density", "cells per primitive that the rule aims at", RB_FLOAT, RB_PARAM_LOG,
-         offsetof(Config, density), 0, 0.001, 64, GridOptions{}.density, nullptr},
-        {"references", "most references per primitive by the rule, which gives fewer cells otherwise",
-         RB_FLOAT, RB_PARAM_LOG, offsetof(Config, references), 0, 1, 1024, GridOptions{}.references, nullptr},
-        {"resolution_x", "cells along x; 0: by the rule", RB_INT, 0, offsetof(Config, resolution[0]), 0, 0,
-         kMax, 0, nullptr},
-        {"resolution_y", "cells along y; 0: by the rule", RB_INT, 0, offsetof(Config, resolution[1]), 0, 0,
-         kMax, 0, nullptr},
-        {"resolution_z", "cells along z; 0: by the rule", RB_INT, 0, offsetof(Config, resolution[2]), 0, 0,
-         kMax, 0, nullptr},
-        {"insertion", kInsertionDoc, RB_CHOICE, 0, offsetof(Config, insertion), 0, 0, 0, 0,
-         kInsertionChoices},
-        {"mailbox", "do not test again what the ray met before", RB_BOOL, 0, offsetof(Config, mailbox), 0, 0,
-         1, 0, nullptr}};
+        NumericsParam(offsetof(Config, numerics)),
+        ChoiceParam("rule", kGridRuleDoc, offsetof(Config, rule), kGridRuleChoices,
+                    uint32_t(GridRule::kHeterogeneous)),
+        FloatParam("density", "cells per primitive that the rule aims at", offsetof(Config, density), 0.001,
+                   64, GridOptions{}.density, RB_PARAM_LOG),
+        FloatParam("references",
+                   "most references per primitive by the rule, which gives fewer cells otherwise",
+                   offsetof(Config, references), 1, 1024, GridOptions{}.references, RB_PARAM_LOG),
+        IntParam("resolution_x", "cells along x; 0: by the rule", offsetof(Config, resolution[0]), 0, kMax,
+                 0),
+        IntParam("resolution_y", "cells along y; 0: by the rule", offsetof(Config, resolution[1]), 0, kMax,
+                 0),
+        IntParam("resolution_z", "cells along z; 0: by the rule", offsetof(Config, resolution[2]), 0, kMax,
+                 0),
+        InsertionParam(offsetof(Config, insertion)),
+        MailboxParam(offsetof(Config, mailbox))};
     return params;
   }
 
   Grid(const rb_geometry& geometry, const rb_build_options& options, const Config& config)
-      : numerics_(config.numerics),
-        mailbox_(config.mailbox != 0),
-        claim_(ClaimOf(config.numerics, geometry)) {
-    if (PrimCount(geometry) == 0) return;
-    GridOptions grid;
-    grid.rule = GridRule(config.rule), grid.density = config.density, grid.references = config.references;
-    for (int a = 0; a < 3; ++a) grid.resolution[a] = uint32_t(config.resolution[a]);
-    grid.exact = config.insertion != 0, grid.padded = IsConservative(config.numerics);
-    Arena arena(options.threads);
-    arena.Run([&] { grid_ = VoxelGrid(geometry, options, grid); });
-  }
-
-  template <class Counter>
-  void Query(const rb_query& query) const {
-    WithNumerics(numerics_, [&]<class Test>() { grid_.Query<Test, Counter>(query, mailbox_); });
-  }
-  uint32_t Claims() const { return claim_; }
-  MemoryUse Memory() const { return grid_.Memory(); }
-  template <class Fn>
-  int Visit(Fn&& node) const {
-    return grid_.Visit(node);
-  }
+      : GridStructure(geometry, options, config.numerics, config.mailbox != 0, How(config)) {}
 
  private:
-  uint32_t numerics_;
-  bool mailbox_;
-  uint32_t claim_;
-  VoxelGrid grid_;
+  static GridOptions How(const Config& config) {
+    GridOptions grid;
+    grid.rule = GridRule(config.rule);
+    grid.density = config.density;
+    grid.references = config.references;
+    for (int a = 0; a < 3; ++a) grid.resolution[a] = uint32_t(config.resolution[a]);
+    grid.exact = config.insertion != 0;
+    return grid;
+  }
 };
 
 }  // namespace

@@ -27,14 +27,13 @@
 // Invariants: a primitive stands in every leaf that it meets; depth below the traversal stack's; the same
 // tree at any thread count.
 
-#include "accel/base/parallel.h"
 #include "accel/base/simd.h"
-#include "accel/space/center_tree.h"
+#include "accel/space/center_structure.h"
 
 namespace raybench {
 namespace {
 
-class Octree {
+class Octree : public CenterStructure<Octree> {
  public:
   struct Config {
     double growth, references;
@@ -44,57 +43,28 @@ class Octree {
   static constexpr const char* kName = "octree";
   static constexpr const char* kDoc = "octree over bounds, all children of a node tested at once";
   static constexpr const char* kSource = "Glassner 1984: Space subdivision for fast ray tracing";
-  static constexpr uint64_t kCapabilities =
-      RB_CAN_COUNT | RB_CAN_PROCEDURAL | RB_CAN_AFTER | RB_CAN_SKIP | RB_DETERMINISTIC;
   static std::span<const rb_param> Params() {
-    static const rb_param params[] = {
-        {"numerics", kNumericsDoc, RB_CHOICE, RB_PARAM_APPROXIMATE, offsetof(Config, numerics), 0, 0, 0,
-         double(Numerics::kWatertight), kNumericsChoices},
-        {"depth", "deepest level; the root has 0", RB_INT, 0, offsetof(Config, depth), 0, 0, kMaxCenterDepth,
-         16, nullptr},
-        {"leaf_size", "cells with more primitives are divided", RB_INT, 0, offsetof(Config, leaf_size), 0, 1,
-         4096, 8, nullptr},
-        {"growth", "cells are not divided where their children would hold so many times their references",
-         RB_FLOAT, 0, offsetof(Config, growth), 0, 1, 9, 3, nullptr},
-        {"references", "most references per primitive, of the whole tree", RB_FLOAT, RB_PARAM_LOG,
-         offsetof(Config, references), 0, 1, 1024, 16, nullptr},
-        {"insertion", kInsertionDoc, RB_CHOICE, 0, offsetof(Config, insertion), 0, 0, 0, 0,
-         kInsertionChoices}};
+    static const rb_param params[] = {NumericsParam(offsetof(Config, numerics)),
+                                      CenterDepthParam(offsetof(Config, depth)),
+                                      CenterLeafSizeParam(offsetof(Config, leaf_size)),
+                                      CenterGrowthParam(offsetof(Config, growth), 9, 3),
+                                      CenterReferencesParam(offsetof(Config, references)),
+                                      InsertionParam(offsetof(Config, insertion))};
     return params;
   }
 
   Octree(const rb_geometry& geometry, const rb_build_options& options, const Config& config)
-      : numerics_(config.numerics), claim_(ClaimOf(config.numerics, geometry)), geometry_(geometry) {
-    if (PrimCount(geometry) == 0) return;
-    Arena arena(options.threads);
-    arena.Run([&] {
-      const Insertion insertion(geometry, config.insertion != 0, IsConservative(config.numerics));
-      const CenterTreeOptions how{.depth = uint32_t(config.depth),
-                                  .leaf_size = uint32_t(config.leaf_size),
-                                  .growth = config.growth,
-                                  .references = config.references};
-      LayOut(BuildCenterTree(insertion, how, options));
-    });
+      : CenterStructure(geometry, config) {
+    Build(
+        options, config, [](const Insertion&) { return CenterTreeOptions(); },
+        [&](const CenterTree& tree) { LayOut(tree); });
   }
 
-  template <class Counter>
-  void Query(const rb_query& query) const {
-    WithNumerics(numerics_, [&]<class Test>() {
-      ForEachRay<Counter>(query, [&](auto any, const RayQuery& q, rb_hit& best, Counter& counter) {
-        geometry_.procedural_count > 0 ? Trace<true, any.value>(RayState<Test>(q), best, counter)
-                                       : Trace<false, any.value>(RayState<Test>(q), best, counter);
-      });
-    });
-  }
-  uint32_t Claims() const { return claim_; }
   MemoryUse Memory() const { return {nodes_.bytes(), leaves_.bytes(), geometry_.procedural_count > 0}; }
-  template <class Fn>
-  int Visit(Fn&& node) const {
-    std::vector<uint32_t> prims;
-    return root_.count == CenterChild::kEmpty ? 0 : VisitBelow(root_, bounds_, 0, node, prims);
-  }
 
  private:
+  friend CenterStructure;
+
   struct alignas(64) Node {
     float center[3];
     uint32_t filled;
@@ -120,8 +90,6 @@ class Octree {
   static constexpr size_t kStack = 7 * kMaxCenterDepth + 8;
 
   void LayOut(const CenterTree& tree) {
-    leaves_ = CenterLeaves(geometry_, tree);
-    root_ = leaves_.Child(0), bounds_ = tree.nodes[0].box;
     nodes_ = HugeArray<Node>(leaves_.inner().size());
     for (size_t i = 0; i < nodes_.size(); ++i) {
       const CenterTree::Node& from = tree.nodes[leaves_.inner()[i]];
@@ -257,12 +225,7 @@ class Octree {
     return 0;
   }
 
-  uint32_t numerics_, claim_;
-  rb_geometry geometry_;
   HugeArray<Node> nodes_;
-  CenterLeaves leaves_;
-  CenterChild root_;
-  Bounds3 bounds_;
 };
 
 }  // namespace

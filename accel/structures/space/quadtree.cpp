@@ -20,9 +20,8 @@
 // Invariants: a primitive stands in every leaf whose square it meets; depth below the traversal stack's; the
 // same tree at any thread count.
 
-#include "accel/base/parallel.h"
 #include "accel/base/simd.h"
-#include "accel/space/center_tree.h"
+#include "accel/space/center_structure.h"
 
 namespace raybench {
 namespace {
@@ -47,7 +46,7 @@ int HeightAxis(const Insertion& insertion) {
   return axis;
 }
 
-class Quadtree {
+class Quadtree : public CenterStructure<Quadtree> {
  public:
   struct Config {
     double growth, references;
@@ -58,63 +57,38 @@ class Quadtree {
   static constexpr const char* kDoc = "quadtree in a plane, heights in its cells: for height fields";
   static constexpr const char* kSource =
       "Finkel and Bentley 1974: Quad trees, a data structure for retrieval on composite keys";
-  static constexpr uint64_t kCapabilities =
-      RB_CAN_COUNT | RB_CAN_PROCEDURAL | RB_CAN_AFTER | RB_CAN_SKIP | RB_DETERMINISTIC;
   static std::span<const rb_param> Params() {
     static const rb_param params[] = {
-        {"numerics", kNumericsDoc, RB_CHOICE, RB_PARAM_APPROXIMATE, offsetof(Config, numerics), 0, 0, 0,
-         double(Numerics::kWatertight), kNumericsChoices},
-        {"axis", "of height, which is not cut; auto: along which the fewest boxes stand behind one another",
-         RB_CHOICE, 0, offsetof(Config, axis), 0, 0, 0, 0, kAxisChoices},
-        {"depth", "deepest level; the root has 0", RB_INT, 0, offsetof(Config, depth), 0, 0, kMaxCenterDepth,
-         16, nullptr},
-        {"leaf_size", "cells with more primitives are divided", RB_INT, 0, offsetof(Config, leaf_size), 0, 1,
-         4096, 8, nullptr},
-        {"growth", "cells are not divided where their children would hold so many times their references",
-         RB_FLOAT, 0, offsetof(Config, growth), 0, 1, 5, 2.5, nullptr},
-        {"references", "most references per primitive, of the whole tree", RB_FLOAT, RB_PARAM_LOG,
-         offsetof(Config, references), 0, 1, 1024, 16, nullptr},
-        {"insertion", kInsertionDoc, RB_CHOICE, 0, offsetof(Config, insertion), 0, 0, 0, 0,
-         kInsertionChoices}};
+        NumericsParam(offsetof(Config, numerics)),
+        ChoiceParam(
+            "axis",
+            "of height, which is not cut; auto: along which the fewest boxes stand behind one another",
+            offsetof(Config, axis), kAxisChoices, 0),
+        CenterDepthParam(offsetof(Config, depth)),
+        CenterLeafSizeParam(offsetof(Config, leaf_size)),
+        CenterGrowthParam(offsetof(Config, growth), 5, 2.5),
+        CenterReferencesParam(offsetof(Config, references)),
+        InsertionParam(offsetof(Config, insertion))};
     return params;
   }
 
   Quadtree(const rb_geometry& geometry, const rb_build_options& options, const Config& config)
-      : numerics_(config.numerics), claim_(ClaimOf(config.numerics, geometry)), geometry_(geometry) {
-    if (PrimCount(geometry) == 0) return;
-    Arena arena(options.threads);
-    arena.Run([&] {
-      const Insertion insertion(geometry, config.insertion != 0, IsConservative(config.numerics));
-      const int height = config.axis == 0 ? HeightAxis(insertion) : int(config.axis) - 1;
-      for (int k = 0; k < 3; ++k) axes_[k] = (height + 1 + k) % 3;
-      const CenterTreeOptions how{.axes = {axes_[0], axes_[1], axes_[2]},
-                                  .axis_count = 2,
-                                  .depth = uint32_t(config.depth),
-                                  .leaf_size = uint32_t(config.leaf_size),
-                                  .growth = config.growth,
-                                  .references = config.references};
-      LayOut(BuildCenterTree(insertion, how, options));
-    });
+      : CenterStructure(geometry, config) {
+    Build(
+        options, config,
+        [&](const Insertion& insertion) {
+          const int height = config.axis == 0 ? HeightAxis(insertion) : int(config.axis) - 1;
+          for (int k = 0; k < 3; ++k) axes_[k] = (height + 1 + k) % 3;
+          return CenterTreeOptions{.axes = {axes_[0], axes_[1], axes_[2]}, .axis_count = 2};
+        },
+        [&](const CenterTree& tree) { LayOut(tree); });
   }
 
-  template <class Counter>
-  void Query(const rb_query& query) const {
-    WithNumerics(numerics_, [&]<class Test>() {
-      ForEachRay<Counter>(query, [&](auto any, const RayQuery& q, rb_hit& best, Counter& counter) {
-        geometry_.procedural_count > 0 ? Trace<true, any.value>(RayState<Test>(q), best, counter)
-                                       : Trace<false, any.value>(RayState<Test>(q), best, counter);
-      });
-    });
-  }
-  uint32_t Claims() const { return claim_; }
   MemoryUse Memory() const { return {nodes_.bytes(), leaves_.bytes(), geometry_.procedural_count > 0}; }
-  template <class Fn>
-  int Visit(Fn&& node) const {
-    std::vector<uint32_t> prims;
-    return root_.count == CenterChild::kEmpty ? 0 : VisitBelow(root_, bounds_, 0, node, prims);
-  }
 
  private:
+  friend CenterStructure;
+
   struct alignas(64) Node {
     float lower[4], upper[4];
     float center[2];
@@ -132,8 +106,6 @@ class Quadtree {
   static constexpr size_t kStack = 3 * kMaxCenterDepth + 4;
 
   void LayOut(const CenterTree& tree) {
-    leaves_ = CenterLeaves(geometry_, tree);
-    root_ = leaves_.Child(0), bounds_ = tree.nodes[0].box;
     nodes_ = HugeArray<Node>(leaves_.inner().size());
     for (size_t i = 0; i < nodes_.size(); ++i) {
       const CenterTree::Node& from = tree.nodes[leaves_.inner()[i]];
@@ -253,13 +225,8 @@ class Quadtree {
     return 0;
   }
 
-  uint32_t numerics_, claim_;
-  rb_geometry geometry_;
   int axes_[3] = {0, 1, 2};  // the two that are cut, then that of height
   HugeArray<Node> nodes_;
-  CenterLeaves leaves_;
-  CenterChild root_;
-  Bounds3 bounds_;
 };
 
 }  // namespace
