@@ -1,7 +1,6 @@
 // The image library's inside: everything that calls OpenImageIO.
 #include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
-#include <unistd.h>
 
 #include <cmath>
 #include <filesystem>
@@ -9,6 +8,7 @@
 #include <system_error>
 
 #include "accel/base/error.h"
+#include "accel/base/files.h"
 #include "accel/base/memory.h"
 #include "tracer/image_library.h"
 #include "tracer/srgb.h"
@@ -32,36 +32,23 @@ uint8_t ToSrgb(float linear) {
   return uint8_t(encoded * 255 + 0.5);
 }
 
-/// Removes the temporary file unless it has been renamed.
-struct TemporaryFile {
-  fs::path path;
-  ~TemporaryFile() {
-    std::error_code ignored;
-    fs::remove(path, ignored);
-  }
-};
-
 void Write(const Image& image, const std::vector<Channel>& layers, const std::string& path, bool png,
            const std::string& software) {
   if (image.width == 0 || image.height == 0 || image.pixels.size() != size_t{image.width} * image.height)
     throw InputError(path + ": a picture to be written needs width x height pixels, at least one");
-  const fs::path target(path), directory = target.has_parent_path() ? target.parent_path() : fs::path(".");
-  std::error_code error;
-  if (!fs::is_directory(directory, error))
-    throw InputError(path + ": cannot be written: " + directory.string() + " is not a directory");
-
-  // The extension stays last: OpenImageIO goes by it.
-  const TemporaryFile temporary{
-      directory / (target.stem().string() + ".tmp" + std::to_string(::getpid()) + (png ? ".png" : ".exr"))};
-  const auto output = OIIO::ImageOutput::create(temporary.path.string());
+  const auto output = OIIO::ImageOutput::create(path);
   if (!output) throw InputError(path + ": cannot be written: " + FirstLine(OIIO::geterror()));
+  // Its PNG writer tells of no write that failed, so it writes to memory.
+  OIIO::Filesystem::IOVecOutput memory;
+  if (!output->set_ioproxy(&memory))
+    throw InputError(path + ": cannot be written: no way to write it to memory");
 
   OIIO::ImageSpec spec(int(image.width), int(image.height), int(3 + layers.size()),
                        png ? OIIO::TypeDesc::UINT8 : OIIO::TypeDesc::FLOAT);
   for (size_t i = 0; i < layers.size(); ++i) spec.channelnames[3 + i] = layers[i].name;
   spec.attribute("Software", software);
   spec.attribute("oiio:ColorSpace", png ? "sRGB" : "Linear");
-  bool good = output->open(temporary.path.string(), spec);
+  bool good = output->open(path, spec);
   if (good && png) {
     std::vector<uint8_t> bytes;
     bytes.reserve(image.pixels.size() * 3);
@@ -81,8 +68,8 @@ void Write(const Image& image, const std::vector<Channel>& layers, const std::st
   }
   good = good && output->close();
   if (!good) throw InputError(path + ": cannot be written: " + FirstLine(output->geterror()));
-  fs::rename(temporary.path, target, error);
-  if (error) throw InputError(path + ": cannot be written: " + error.message());
+  const std::vector<unsigned char>& bytes = memory.buffer();
+  WriteFileAtomically(path, {{reinterpret_cast<const char*>(bytes.data()), bytes.size()}});
 }
 
 Image Read(const std::string& path, bool png) {

@@ -5,9 +5,9 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
-#include <fstream>
 #include <string_view>
 
+#include "accel/base/files.h"
 #include "datasets/readers/readers.h"
 
 namespace raybench {
@@ -233,10 +233,7 @@ void WriteBinaryPly(const std::filesystem::path& path, const TriangleMesh& mesh)
     bytes += char(3);
     for (const uint32_t index : triangle) append(index);
   }
-  std::ofstream out(path, std::ios::binary);
-  out.write(bytes.data(), std::streamsize(bytes.size()));
-  out.close();
-  if (!out) throw InputError(path.string() + ": cannot be written");
+  WriteFileAtomically(path, bytes);
 }
 
 }  // namespace raybench

@@ -18,6 +18,7 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "accel/base/files.h"
 #include "datasets/models/conversion.h"
 #include "datasets/models/package_clients.h"
 #include "datasets/readers/readers.h"
@@ -313,10 +314,7 @@ class Fetcher {
                                            {"member", entry.file.member}, {"sha256", entry.CachedSha256()},
                                            {"licence", entry.licence},    {"author", entry.author},
                                            {"format", entry.format},      {"triangles", entry.triangles}};
-    std::ofstream out(temporary / "record.json");
-    out << record.dump(2) << '\n';
-    out.close();
-    if (!out) throw InputError((temporary / "record.json").string() + ": cannot be written");
+    WriteFileAtomically(temporary / "record.json", record.dump(2) + "\n");
     Replace(entry, temporary);
   }
 

@@ -9,7 +9,7 @@
 #include <filesystem>
 #include <optional>
 
-#include "harness/base/files.h"
+#include "accel/base/files.h"
 #include "harness/base/json.h"
 #include "harness/cli/commands.h"
 #include "harness/cli/picture_options.h"

@@ -9,7 +9,7 @@
 #include <optional>
 #include <set>
 
-#include "harness/base/files.h"
+#include "accel/base/files.h"
 #include "harness/base/json.h"
 #include "harness/extremes/point.h"
 #include "harness/measure/machine.h"

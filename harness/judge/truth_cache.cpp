@@ -12,7 +12,7 @@
 
 #include "accel/base/hash.h"
 #include "datasets/models/fetch.h"
-#include "harness/base/files.h"
+#include "accel/base/files.h"
 #include "harness/truth/sources.h"
 
 namespace raybench {

@@ -6,7 +6,7 @@
 #include <fstream>
 #include <system_error>
 
-#include "harness/base/files.h"
+#include "accel/base/files.h"
 #include "harness/plan/plan.h"
 
 namespace raybench {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "harness/base/columns.h"
-#include "harness/base/files.h"
+#include "accel/base/files.h"
 #include "harness/measure/measure.h"
 #include "harness/plan/plan.h"
 

@@ -10,7 +10,7 @@
 #include <sstream>
 
 #include "accel/base/error.h"
-#include "harness/base/files.h"
+#include "accel/base/files.h"
 
 namespace raybench {
 namespace fs = std::filesystem;

@@ -14,7 +14,7 @@
 #include <set>
 
 #include "datasets/scene/needs.h"
-#include "harness/base/files.h"
+#include "accel/base/files.h"
 #include "harness/base/json.h"
 #include "harness/judge/check.h"
 #include "harness/judge/truth_cache.h"

@@ -1,12 +1,11 @@
 #include "tracer/rays/ray_file.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
-#include <cerrno>
 #include <cstring>
 #include <fstream>
 
+#include "accel/base/files.h"
 #include "accel/base/hash.h"
 #include "accel/host/registry.h"
 
@@ -157,19 +156,8 @@ void WriteRayFile(const fs::path& path, const RaySet& set, const Scene& scene, c
   Put(raw.software, software), Put(raw.scene, scene.name);
   raw.header_hash = HashOf(&raw, offsetof(RawHeader, header_hash));
 
-  const fs::path temporary = fmt::format("{}.{}.tmp", path.string(), getpid());
-  std::error_code error, ignored;
-  errno = 0;
-  std::ofstream out(temporary, std::ios::binary);
-  out.write(reinterpret_cast<const char*>(&raw), sizeof raw);
-  out.write(reinterpret_cast<const char*>(rays.data()), std::streamsize(rays.size() * sizeof(rb_ray)));
-  out.close();
-  if (!out) error.assign(errno != 0 ? errno : EIO, std::generic_category());
-  if (!error) fs::rename(temporary, path, error);
-  if (error) {
-    fs::remove(temporary, ignored);
-    Fail(path, "cannot be written: " + error.message());
-  }
+  WriteFileAtomically(path, {{reinterpret_cast<const char*>(&raw), sizeof raw},
+                             {reinterpret_cast<const char*>(rays.data()), rays.size() * sizeof(rb_ray)}});
 }
 
 bool HasFileForm(rb_ray ray, const Scene& scene) { return Scale(ray, -scene.scale_exponent); }

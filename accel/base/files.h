@@ -2,12 +2,18 @@
 #pragma once
 
 #include <filesystem>
+#include <initializer_list>
 #include <string>
+#include <string_view>
 
 namespace raybench {
 
-/// Writes through a temporary file that is then renamed. Throws InputError naming the file.
-void WriteFileAtomically(const std::filesystem::path& path, const std::string& text);
+/// Writes the parts, one behind the other, to a temporary file that is then renamed: the file is whole, or what
+/// it was. Throws InputError naming the file and why it cannot be written.
+void WriteFileAtomically(const std::filesystem::path& path, std::initializer_list<std::string_view> parts);
+inline void WriteFileAtomically(const std::filesystem::path& path, const std::string& text) {
+  WriteFileAtomically(path, {std::string_view(text)});
+}
 
 /// A folder for one process alone, by flock() on its file .lock: what a killed process leaves holds nobody
 /// up.

@@ -1,4 +1,4 @@
-#include "harness/base/files.h"
+#include "accel/base/files.h"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -15,16 +15,16 @@
 namespace raybench {
 namespace fs = std::filesystem;
 
-void WriteFileAtomically(const fs::path& path, const std::string& text) {
+void WriteFileAtomically(const fs::path& path, std::initializer_list<std::string_view> parts) {
   const fs::path temporary = fmt::format("{}.{}.tmp", path.string(), getpid());
   std::error_code error;
   {
     errno = 0;
     std::ofstream out(temporary, std::ios::binary);
-    out << text;
+    for (std::string_view part : parts) out.write(part.data(), std::streamsize(part.size()));
     out.close();
     if (!out) {
-      const std::string why = std::strerror(errno);  // of the write that failed: nothing came between
+      const std::string why = std::strerror(errno != 0 ? errno : EIO);  // of the write that failed
       fs::remove(temporary, error);
       throw InputError(fmt::format("{}: cannot be written: {}", path.string(), why));
     }
