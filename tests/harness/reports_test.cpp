@@ -268,7 +268,8 @@ TEST_F(HarnessReports, ScenesOfOneNameKeepTheirExamples) {
   for (const auto& example : nlohmann::json::parse(Read(folder_ / "out" / "examples.json"))) {
     const std::string file = example.at("file");
     ++count[file];
-    EXPECT_EQ(scene_of.try_emplace(file, example.at("scene")).first->second, example.at("scene"));
+    const std::string scene = example.at("scene");
+    EXPECT_EQ(scene_of.try_emplace(file, scene).first->second, scene);
   }
   for (const auto& [file, n] : count) EXPECT_EQ(ReadRayFileHeader(folder_ / "out" / file).count, n) << file;
 }
