@@ -198,16 +198,25 @@ using Corners = Triple<Vec3d>;
 
 inline constexpr double kEps = 0x1p-53;
 
+/// Sign of d . (p x q) in double; 0 where that cannot tell. Relative errors of each product's path, where p and
+/// q are differences of two: 2 subtractions, product, difference, product, 2 sums = 7.
+inline int SureSign(Vec3d d, Vec3d p, Vec3d q) {
+  const Vec3d yz{p.y * q.z, p.z * q.x, p.x * q.y}, zy{p.z * q.y, p.x * q.z, p.y * q.x};
+  const double value = Dot(d, yz - zy);
+  double size = 0;
+  for (int i = 0; i < 3; ++i) size += std::fabs(d[i]) * (std::fabs(yz[i]) + std::fabs(zy[i]));
+  return std::fabs(value) > 12 * kEps * size ? (value > 0 ? 1 : -1) : 0;
+}
+
 /// Sign of dir . ((a - org) x (b - org)): on which side of the line the directed segment a -> b passes.
 /// 0 exactly if the line and the segment's line are coplanar.
 inline int SideOf(const Line& line, Vec3d a, Vec3d b) {
-  const Vec3d p = a - line.org, q = b - line.org, d = line.dir;
-  const Vec3d yz{p.y * q.z, p.z * q.x, p.x * q.y}, zy{p.z * q.y, p.x * q.z, p.y * q.x};
-  const double value = Dot(d, yz - zy);
-  // Relative errors of each product's path: 2 subtractions, product, difference, product, 2 sums = 7.
-  double size = 0;
-  for (int i = 0; i < 3; ++i) size += std::fabs(d[i]) * (std::fabs(yz[i]) + std::fabs(zy[i]));
-  if (std::fabs(value) > 12 * kEps * size) return value > 0 ? 1 : -1;
+  const Vec3d p = a - line.org;
+  // The same number by the segment itself: seen from far away it is shorter than the way to its end, and so is
+  // the error.
+  if (const int sign = SureSign(line.dir, p, b - a)) return sign;
+  if (const int sign = SureSign(line.dir, p, b - line.org)) return sign;
+  const Vec3d d = line.dir;
   const auto n = Cross(Subtract(a, line.org), Subtract(b, line.org));
   return (n[0] * d.x + n[1] * d.y + n[2] * d.z).Sign();
 }
