@@ -1,5 +1,4 @@
-// raybench list: what there is, a line each, and one with its parameters. `list scene` is in
-// cli/list_scene.cpp.
+// raybench list: what there is, a line each, and one with its parameters. `list scene` is in list_scene.cpp.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 

@@ -66,7 +66,6 @@ class SceneRun {
 
  private:
   std::vector<SourcedSet> CaptureSets();
-  void Plan();
   Entrant PlanEntrant(const Contestant& contestant);
   void AskForTruth();
 
