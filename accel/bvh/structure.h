@@ -2,13 +2,12 @@
 // parameters of that.
 #pragma once
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cstddef>
 #include <stdexcept>
 #include <utility>
 
+#include "accel/base/memory.h"
 #include "accel/base/parallel.h"
 #include "accel/bvh/bvh2.h"
 #include "accel/bvh/reinsertion.h"
@@ -66,10 +65,9 @@ class BvhStructure {
       : numerics_(config.numerics), claim_(ClaimOf(config.numerics, geometry)) {
     const uint64_t prims = PrimCount(geometry);
     if (prims == 0) return;
-    const uint64_t need =
-        std::max(peak_bytes, config.reinsertion > 0 ? ReinsertionPeakBytes(prims) : uint64_t{0});
-    if (options.memory_limit > 0 && need > options.memory_limit)
-      throw std::runtime_error(fmt::format("building needs about {} MiB, over the memory limit", need >> 20));
+    RequireWithinLimit(
+        std::max(peak_bytes, config.reinsertion > 0 ? ReinsertionPeakBytes(prims) : uint64_t{0}),
+        options.memory_limit);
     Arena arena(options.threads);
     arena.Run([&] {
       BinaryTree tree = build();
@@ -77,6 +75,8 @@ class BvhStructure {
         tree = Reinsert(std::move(tree), uint32_t(config.reinsertion), config.Costs(), options.cancel);
       bvh_ = Bvh2(geometry, tree);
     });
+    // Leaves of fewer primitives than a block has lanes take more than was estimated.
+    RequireWithinLimit(Memory().nodes + Memory().prims, options.memory_limit);
   }
 
  private:

@@ -35,8 +35,9 @@ struct RayState {
     if (prim < g.triangle_count)
       return Triangle(Vertex(g, prim, 0), Vertex(g, prim, 1), Vertex(g, prim, 2), prim, best);
     rb_ray ray = query.ray;
-    // The callback takes t > tnear; when resuming, t == tnear must get through to Accepts().
-    if (query.after != RAYBENCH_NONE) ray.tnear = std::nextafter(ray.tnear, -1.0f);
+    // The callback takes t > tnear; where a hit at t == tnear would count it must get through to Accepts(). Where
+    // it would not it must not hide what lies behind: a curved primitive is met twice.
+    if (query.after != RAYBENCH_NONE && prim > query.after) ray.tnear = std::nextafter(ray.tnear, -1.0f);
     rb_hit found{};
     if (g.procedural_intersect(g.procedural_user, prim - g.triangle_count, uint32_t(Test::kNumerics), &ray,
                                &found) == 0) {

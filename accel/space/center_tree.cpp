@@ -1,11 +1,10 @@
 #include "accel/space/center_tree.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <numeric>
 #include <stdexcept>
 
+#include "accel/base/memory.h"
 #include "accel/base/parallel.h"
 
 namespace raybench {
@@ -210,9 +209,7 @@ class Builder {
     const uint64_t bytes = insertion_.bytes() + result_.nodes.size() * (sizeof(CenterTree::Node) + 64) +
                            (refs_.size() + refs) * sizeof(uint32_t) + masks_.size() +
                            (blocks_ + LeafBlocks::BlocksOf(open_refs)) * sizeof(LeafBlocks::Block);
-    if (build_.memory_limit > 0 && bytes > build_.memory_limit)
-      throw std::runtime_error(
-          fmt::format("building needs more than {} MiB, the memory limit", build_.memory_limit >> 20));
+    RequireWithinLimit(bytes, build_.memory_limit);
   }
 
   const Insertion& insertion_;

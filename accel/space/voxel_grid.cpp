@@ -7,6 +7,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "accel/base/memory.h"
 #include "accel/base/parallel.h"
 
 namespace raybench {
@@ -171,9 +172,7 @@ class Builder {
   /// Adds to what all of the grid takes. Throws beyond the limit.
   void Account(uint64_t bytes, uint64_t references) {
     bytes_ += bytes;
-    const uint64_t limit = options_.memory_limit, all = bytes_ + insertion_.bytes();
-    if (limit > 0 && all > limit)
-      throw std::runtime_error(fmt::format("building needs more than {} MiB, the memory limit", limit >> 20));
+    RequireWithinLimit(bytes_ + insertion_.bytes(), options_.memory_limit);
     if ((references_ += references) >= kMostReferences)
       throw std::runtime_error("more than 2^32 references: lower the resolution");
   }

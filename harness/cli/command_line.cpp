@@ -82,6 +82,7 @@ int RunCommandLine(std::vector<std::string> arguments) {
       ->type_name("FILE.so");
   AddRunCommand(app, invocation);
   AddVerifyCommand(app, invocation);
+  AddFuzzCommand(app, invocation);
   AddRenderCommand(app, invocation);
   AddRaysCommand(app, invocation);
   AddListCommand(app, invocation);

@@ -55,12 +55,15 @@ class ConeChord {
   std::optional<double> Root(int which, double growth) const {
     const double r = mean_ + growth * std::sqrt(1 + slope_ * slope_) + slope_ * h0_, dr = slope_ * h1_;
     const double a = Dot(d_, d_) - dr * dr, b = Dot(q_, d_) - r * dr, c = Dot(q_, q_) - r * r;
-    const double discriminant = b * b - a * c;
+    // b b - a c by Lagrange's identity: along the axis both products are the same but for rounding.
+    const Vec3d turned = d_ * r - q_ * dr, moment = Cross(d_, q_);
+    const double discriminant = Dot(turned, turned) - Dot(moment, moment);
     if (!(discriminant >= 0)) return {};
     const double signed_root = which == 1 ? std::sqrt(discriminant) : -std::sqrt(discriminant);
     // (-b + signed_root) / a, or its other form where that cancels.
     const double t = b * signed_root <= 0 ? (signed_root - b) / a : -c / (b + signed_root);
-    if (!std::isfinite(t) || r + t * dr < 0) return {};  // the mirrored half
+    // On the mirrored half, and not by rounding at the apex.
+    if (!std::isfinite(t) || r + t * dr < -shift) return {};
     return t;
   }
   /// How far beyond a rim the ray is at t; negative: between them.
@@ -90,15 +93,16 @@ Appraisal AppraiseCone(const rb_ray& ray, const Cone& cone, int root) {
   Appraisal result;
   if (!grown) return result;
   const double rounding = chord.shift / chord.length + 16 * kU * std::fabs(chord.start);
-  double t = *grown;
+  // The answer lies between the root of the grown cone and that of the shrunk one; where there is none, the
+  // grown cone's other one. At an apex the exact cone may have none where both others have.
+  const double other = (shrunk ? shrunk : chord.Root(1 - root, chord.shift)).value_or(exact.value_or(*grown));
+  double t;
   if (exact) {
     t = *exact;
-    const double inward = shrunk ? *shrunk : chord.Root(1 - root, chord.shift).value_or(t);
-    result.t_error = std::max(std::fabs(*grown - t), std::fabs(inward - t)) + rounding;
+    result.t_error = std::max(std::fabs(*grown - t), std::fabs(other - t)) + rounding;
   } else {
-    const double other = chord.Root(1 - root, chord.shift).value_or(t);
-    result.t_error = 0.5 * std::fabs(other - t) + rounding;
-    t = 0.5 * (t + other);
+    t = 0.5 * (*grown + other);
+    result.t_error = 0.5 * std::fabs(other - *grown) + rounding;
   }
   const double slack = chord.shift + result.t_error * chord.ClimbRate();
   result.possible =

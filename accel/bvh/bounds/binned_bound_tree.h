@@ -1,8 +1,7 @@
 // A hierarchy of any bound over the topology of the binned SAH builder.
 #pragma once
 
-#include <fmt/format.h>
-
+#include "accel/base/memory.h"
 #include "accel/base/parallel.h"
 #include "accel/bvh/binned_sah.h"
 #include "accel/bvh/bound_tree.h"
@@ -16,15 +15,15 @@ BoundTree<Bound> BuildBinnedBoundTree(const rb_geometry& geometry, const rb_buil
   const uint64_t prims = PrimCount(geometry);
   BoundTree<Bound> tree;
   if (prims == 0) return tree;
-  if (const uint64_t need = BinnedSahPeakBytes(prims);
-      options.memory_limit > 0 && need > options.memory_limit)
-    throw std::runtime_error(fmt::format("building needs about {} MiB, over the memory limit", need >> 20));
+  RequireWithinLimit(BinnedSahPeakBytes(prims), options.memory_limit);
   Arena arena(options.threads);
   arena.Run([&] {
     const BinnedSahOptions build{.costs = {.leaf_size = leaf_size}, .padded = padded};
     tree =
         BoundTree<Bound>(geometry, BuildBinnedSah(geometry, build, options.cancel), padded, options.cancel);
   });
+  const MemoryUse use = tree.Memory();
+  RequireWithinLimit(use.nodes + use.prims, options.memory_limit);
   return tree;
 }
 

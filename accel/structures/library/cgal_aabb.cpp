@@ -28,6 +28,8 @@
 #include <CGAL/AABB_traits.h>
 #endif
 
+#include <algorithm>
+#include <cmath>
 #include <variant>
 #include <vector>
 
@@ -92,7 +94,11 @@ class KernelTree {
 
   template <bool kAnyHit>
   void Trace(const RayQuery& q, rb_hit& best) const {
-    const Vec3f d = LoadVec3(q.ray.dir);
+    // A ray is kept as two points, which must not fall together: a direction that is short beside the origin is
+    // made longer.
+    Vec3d d = ToDouble(LoadVec3(q.ray.dir));
+    const double distance = MaxAbs(ToDouble(LoadVec3(q.ray.org))), length = MaxAbs(d);
+    if (length < 0x1p-20 * distance) d = d * std::ldexp(1.0, std::ilogb(distance) - std::ilogb(length));
     const Ray ray(ToPoint(LoadVec3(q.ray.org)), typename K::Vector_3(Number(d.x), Number(d.y), Number(d.z)));
     // On a tree of one primitive first_intersection does not look at what shall be skipped.
     if (!kAnyHit && q.ray.tnear == 0 && q.after == RAYBENCH_NONE && triangles_.size() > 1) {
@@ -140,6 +146,7 @@ class KernelTree {
     }
   };
 
+  static double MaxAbs(Vec3d v) { return std::max({std::fabs(v.x), std::fabs(v.y), std::fabs(v.z)}); }
   static Point ToPoint(Vec3f p) { return Point(Number(p.x), Number(p.y), Number(p.z)); }
   template <class Met>
   static const Point* AsPoint(const Met& met) {

@@ -31,6 +31,7 @@ namespace {
 
 constexpr unsigned kTriangles = 0, kProcedural = 1;  // geometry ids
 constexpr float kLongest = 1.844e18f;                // Embree's FLT_LARGE
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
 struct Release {
   void operator()(RTCDevice d) const { rtcReleaseDevice(d); }
@@ -129,8 +130,12 @@ class Embree {
               found.hit.primID + (found.hit.geomID == kTriangles ? 0 : triangles)};
     };
     const auto closest_inside = [&](const rb_ray& ray) -> rb_hit {
-      const rb_hit hit = closest_hit(ray);
-      return hit.t > ray.tnear && hit.t <= ray.tfar ? hit : AskAgain(ray, hit, closest_hit);
+      rb_hit hit = closest_hit(ray);
+      if (hit.t > ray.tnear && hit.t <= ray.tfar) return hit;
+      // What it took by its own measure may have been rounded out of the interval; any-hit sees no t.
+      const float inside = std::min(std::max(hit.t, std::nextafter(ray.tnear, kInfinity)), ray.tfar);
+      if (std::fabs(hit.t - inside) <= 0x1p-20f * inside) return hit.t = inside, hit;
+      return AskAgain(ray, hit, closest_hit);
     };
     if (query.kind == RB_ANY) {
       uint8_t* const occluded = query.occluded;
@@ -244,7 +249,7 @@ class Embree {
       auto* ray = reinterpret_cast<RTCRay*>(args->ray);
       rb_hit hit;
       if (IntersectProcedural(args->geometryUserPtr, args->primID, *ray, hit)) {
-        ray->tfar = -std::numeric_limits<float>::infinity();
+        ray->tfar = -kInfinity;
       }
     });
     Attach(g, kProcedural);

@@ -23,6 +23,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "accel/base/memory.h"
 #include "accel/base/parallel.h"
 #include "accel/ray/leaf_blocks.h"
 
@@ -77,9 +78,8 @@ class EmbreeTopology {
       : numerics_(config.numerics), claim_(ClaimOf(config.numerics, geometry)) {
     const uint64_t prims = PrimCount(geometry);
     if (prims == 0) return;
-    const uint64_t need = prims * (sizeof(RTCBuildPrimitive) + sizeof(MadeNode) / 4 + sizeof(MadeLeaf));
-    if (options.memory_limit > 0 && need > options.memory_limit)
-      throw std::runtime_error(fmt::format("building needs about {} MiB, over the memory limit", need >> 20));
+    RequireWithinLimit(prims * (sizeof(RTCBuildPrimitive) + sizeof(MadeNode) / 4 + sizeof(MadeLeaf)),
+                       options.memory_limit);
     const bool padded = IsConservative(config.numerics);
     std::vector<RTCBuildPrimitive> boxes(prims);
     for (uint32_t i = 0; i < prims; ++i) {
@@ -133,6 +133,7 @@ class EmbreeTopology {
     if (root == nullptr)
       throw std::runtime_error(fmt::format("Embree reports error {}", int(rtcGetDeviceError(device.get()))));
     LayOut(geometry, *root);
+    RequireWithinLimit(Memory().nodes + Memory().prims, options.memory_limit);
   }
 
   template <class Counter>
