@@ -119,11 +119,8 @@ struct Outline {
   double lo = std::numeric_limits<double>::infinity(), hi = -lo;
   double reach = 0;  // of the farthest vertex from the origin
 
-  Outline(const Scene& scene, const rb_ray& ray, const Polygon& polygon) {
+  Outline(const Scene& scene, const rb_ray& ray, const Polygon& polygon, int kz) {
     const Vec3d o = ToDouble(LoadVec3(ray.org)), d = ToDouble(LoadVec3(ray.dir));
-    int kz = 0;
-    for (int k = 1; k < 3; ++k)
-      if (std::fabs(d[k]) > std::fabs(d[kz])) kz = k;
     const int kx = (kz + 1) % 3, ky = (kz + 2) % 3;
     struct Corner {
       double x, y, dx, dy;
@@ -174,8 +171,8 @@ Bounds3 TightBounds(const Scene& scene, const Polygon& polygon) {
   return box;
 }
 
-Appraisal AppraisePolygon(const Scene& scene, const rb_ray& ray, uint32_t index) {
-  const Outline outline(scene, ray, scene.polygons[index]);
+Appraisal AppraisePolygon(const Scene& scene, const rb_ray& ray, uint32_t index, int axis) {
+  const Outline outline(scene, ray, scene.polygons[index], axis);
   Appraisal result;
   result.possible = outline.inside || outline.near_edge;
   result.grazing = outline.near_edge;
@@ -204,11 +201,27 @@ bool LiesInPolygon(const Scene& scene, const rb_ray& ray, uint32_t polygon, doub
 
 }  // namespace
 
+MainAxes::MainAxes(const rb_ray& ray) {
+  const float longest = std::max({std::fabs(ray.dir[0]), std::fabs(ray.dir[1]), std::fabs(ray.dir[2])});
+  for (int k = 0; k < 3; ++k)
+    if (std::fabs(ray.dir[k]) == longest) axis[count++] = k;
+}
+
+Appraisal Either(const Appraisal& a, const Appraisal& b) {
+  if (a.possible != b.possible) return a.possible ? a : b;
+  const double lo = std::min(a.t - a.t_error, b.t - b.t_error),
+               hi = std::max(a.t + a.t_error, b.t + b.t_error);
+  return {a.possible, a.grazing || b.grazing, 0.5 * (lo + hi), 0.5 * (hi - lo)};
+}
+
 Appraisal AppraiseProcedural(const Scene& scene, const rb_ray& ray, uint32_t prim, int root) {
   const auto [kind, i] = scene.Locate(prim);
   if (kind == PrimKind::kSphere) return AppraiseSphere(ray, scene.spheres[i], root);
   if (kind == PrimKind::kCone) return AppraiseCone(ray, scene.cones[i], root);
-  return AppraisePolygon(scene, ray, i);
+  const MainAxes axes(ray);
+  Appraisal result = AppraisePolygon(scene, ray, i, axes.axis[0]);
+  for (int k = 1; k < axes.count; ++k) result = Either(result, AppraisePolygon(scene, ray, i, axes.axis[k]));
+  return result;
 }
 
 int RootCount(const Scene& scene, uint32_t prim) {

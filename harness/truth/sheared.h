@@ -25,11 +25,9 @@ struct Sheared {
   double dx[3], dy[3];
   double edge[3], bound[3];  // edge i lies opposite vertex i
 
-  Sheared(const rb_ray& ray, const exact::Corners& p) {
+  /// `kz`: one of the ray's MainAxes.
+  Sheared(const rb_ray& ray, const exact::Corners& p, int kz) {
     const Vec3d o = ToDouble(LoadVec3(ray.org)), d = ToDouble(LoadVec3(ray.dir));
-    int kz = 0;
-    for (int k = 1; k < 3; ++k)
-      if (std::fabs(d[k]) > std::fabs(d[kz])) kz = k;
     const int kx = (kz + 1) % 3, ky = (kz + 2) % 3;
     const double sx = d[kx] / d[kz], sy = d[ky] / d[kz];
     for (size_t i = 0; i < 3; ++i) {

@@ -55,14 +55,15 @@ struct Patch {
   bool sealed = false;     // by triangles that any sound test reports before `end`
 };
 
-Patch Surround(const Scene& scene, const Adjacency& adjacency, const rb_ray& ray, uint32_t triangle,
-               double end) {
+/// As a test sees it that shears along `axis`.
+Patch SurroundAlong(int axis, const Scene& scene, const Adjacency& adjacency, const rb_ray& ray,
+                    uint32_t triangle, double end) {
   Patch patch;
   std::vector<uint32_t> members = {adjacency.Representative(triangle)};
   std::vector<Sheared> shapes;
   std::vector<std::pair<uint32_t, uint32_t>> edges;
   for (size_t m = 0; m < members.size(); ++m) {
-    const Sheared& shape = shapes.emplace_back(ray, CornersOf(scene, members[m]));
+    const Sheared& shape = shapes.emplace_back(ray, CornersOf(scene, members[m]), axis);
     const Adjacency::Corners corners = adjacency.CornersOf(members[m]);
     for (size_t i = 0; i < 3; ++i) {
       if (!shape.NearEdge(int(i))) continue;
@@ -94,6 +95,17 @@ Patch Surround(const Scene& scene, const Adjacency& adjacency, const rb_ray& ray
     }
   }
   patch.sealed = !InSpan(std::move(rows), std::move(covers));
+  return patch;
+}
+
+/// Sealed only if it is so for every test.
+Patch Surround(const Scene& scene, const Adjacency& adjacency, const rb_ray& ray, uint32_t triangle,
+               double end) {
+  Patch patch = {.near_edge = false, .sealed = true};
+  for (int axis : MainAxes(ray)) {
+    const Patch along = SurroundAlong(axis, scene, adjacency, ray, triangle, end);
+    patch.near_edge |= along.near_edge, patch.sealed &= along.sealed;
+  }
   return patch;
 }
 
@@ -181,7 +193,11 @@ std::vector<TrueHit> JudgingOracle::AllHits(const rb_ray& ray) const {
 
 Appraisal JudgingOracle::Appraise(const rb_ray& ray, uint32_t prim, int root) const {
   if (prim >= scene_.triangles.size()) return AppraiseProcedural(scene_, ray, prim, root);
-  return Sheared(ray, CornersOf(scene_, prim)).Appraise();
+  const MainAxes axes(ray);
+  const exact::Corners p = CornersOf(scene_, prim);
+  Appraisal result = Sheared(ray, p, axes.axis[0]).Appraise();
+  for (int k = 1; k < axes.count; ++k) result = Either(result, Sheared(ray, p, axes.axis[k]).Appraise());
+  return result;
 }
 
 Appraisal JudgingOracle::AppraiseAt(const rb_ray& ray, uint32_t prim, double t) const {
