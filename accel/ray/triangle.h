@@ -210,6 +210,10 @@ inline bool IntersectSheared(const RayShear& ray, const Vec3d (&a)[3], Vec3f p0,
     const Vec3d p = ToDouble(p0), normal = Cross(ToDouble(p1) - p, ToDouble(p2) - p);
     const double along = Dot(normal, ToDouble(ray.dir));
     if (along != 0) t = Dot(normal, p - ToDouble(ray.org)) / along;
+    // A ray that all but lies in the plane may meet it anywhere, and the triangle only among its vertices.
+    const double t0 = a[0].z / double(ray.dir[ray.kz]), t1 = a[1].z / double(ray.dir[ray.kz]),
+                 t2 = a[2].z / double(ray.dir[ray.kz]);
+    t = std::min(std::max(t, std::min({t0, t1, t2})), std::max({t0, t1, t2}));
   }
   hit = {float(t), float(v / det), float(w / det)};
   return true;

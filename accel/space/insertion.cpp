@@ -23,21 +23,21 @@ Insertion::Insertion(const rb_geometry& geometry, bool exact, bool padded)
         a.Extend(b);
         return a;
       });
-  if (!padded) return;
   for (int a = 0; a < 3; ++a)
-    slack_ = std::max({slack_, std::fabs(double(scene_.lo[a])), std::fabs(double(scene_.hi[a]))});
-  slack_ *= 0x1p-44;
+    rounding_ = std::max({rounding_, std::fabs(double(scene_.lo[a])), std::fabs(double(scene_.hi[a]))});
+  rounding_ *= 0x1p-44;
 }
 
 bool Insertion::TriangleMeets(uint32_t prim, Vec3d lo, Vec3d hi) const {
   const Vec3d center = (lo + hi) * 0.5;
   Vec3d half = (hi - lo) * 0.5, v[3];
   for (int c = 0; c < 3; ++c) v[c] = ToDouble(Vertex(geometry_, prim, c)) - center;
+  double pad = rounding_;
   if (padded_) {
     const Vec3f extent = boxes_[prim].Extent();
-    const double pad = double(std::max({extent.x, extent.y, extent.z})) * 0x1p-20 + slack_;
-    half = half + Vec3d{pad, pad, pad};
+    pad += double(std::max({extent.x, extent.y, extent.z})) * 0x1p-20;
   }
+  half = half + Vec3d{pad, pad, pad};
   Vec3d sides[3];
   for (int e = 0; e < 3; ++e) {
     const Vec3d side = sides[e] = v[(e + 1) % 3] - v[e];

@@ -37,9 +37,10 @@ class Insertion {
 
   /// A length that covers the rounding, in double, of where cells begin: 2^-44 of the largest coordinate. 0
   /// if not padded.
-  double slack() const { return slack_; }
+  double slack() const { return padded_ ? rounding_ : 0; }
 
-  /// Whether triangle `prim`, whose box meets the cell, meets it itself. Errs on the side of yes if padded.
+  /// Whether triangle `prim`, whose box meets the cell, meets it itself. Errs on the side of yes:
+  /// a triangle in a wall is in both cells.
   bool TriangleMeets(uint32_t prim, Vec3d lo, Vec3d hi) const;
 
   uint64_t bytes() const { return boxes_.bytes(); }
@@ -49,7 +50,7 @@ class Insertion {
   bool exact_, padded_;
   HugeArray<Bounds3> boxes_;
   Bounds3 scene_;
-  double slack_ = 0;
+  double rounding_ = 0;
 };
 
 }  // namespace raybench

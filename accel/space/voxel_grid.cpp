@@ -88,7 +88,7 @@ class Builder {
           if (exact) {
             Vec3d lo, hi;
             for (int a = 0; a < 3; ++a)
-              lo[a] = level.lo[a] + c[a] * level.width[a], hi[a] = lo[a] + level.width[a];
+              lo[a] = level.lo[a] + c[a] * level.width[a], hi[a] = level.lo[a] + (c[a] + 1) * level.width[a];
             if (!insertion_.TriangleMeets(prim, lo, hi)) continue;
           }
           fn(size_t(c[0]) + size_t(level.res[0]) * (size_t(c[1]) + size_t(level.res[1]) * size_t(c[2])));

@@ -33,10 +33,6 @@ constexpr size_t kFollowed = 12;
 /// What may be taken by a tree whose parameters were drawn at random.
 constexpr uint64_t kMemoryLimit = 32u << 20;
 
-bool IsPlainError(Verdict v) {
-  return v == Verdict::kLeak || v == Verdict::kWrong || v == Verdict::kFalseMiss || v == Verdict::kFalseHit;
-}
-
 /// Everything that a tree shows and answers, in a number.
 uint64_t DigestOf(const Tree& tree) {
   Hash64 hash;
@@ -337,8 +333,7 @@ class Examiner {
           if (auto flaw = FlawOf(case_.rays[i], answer.hits[0]))
             return fmt::format("{}, skipping primitive {}: {}", RayText(i), prim, *flaw);
         if (!IsConservative() || !Can(RB_CAN_AFTER)) continue;
-        // An exact hit that rounds to tnear is answered behind it, and a walk goes on from there.
-        if (HasExactIntervals() && case_.rays[i].tnear > 0) continue;
+        if (HasExactIntervals() && case_.rays[i].tnear > 0) continue;  // see After()
         const std::vector<rb_hit>& walk = WalkOf(i);
         const auto next =
             std::find_if(walk.begin(), walk.end(), [&](const rb_hit& h) { return h.prim != prim; });
@@ -371,6 +366,8 @@ class Examiner {
       if (walk.empty() || !SameHit(walk[0], Closest().hits[i]))
         return fmt::format("{}: `after` walks first to {}, but the closest hit is {}", RayText(i),
                            walk.empty() ? "nothing" : Describe(walk[0]), Describe(Closest().hits[i]));
+      // An exact hit that rounds to tnear is answered behind it, and a walk goes on from there.
+      if (HasExactIntervals() && case_.rays[i].tnear > 0) continue;
       if (auto text = LostCopy(walk)) return fmt::format("{}: {}", RayText(i), *text);
       if (auto text = JudgeWalk(i, walk)) return text;
     }
@@ -418,12 +415,11 @@ class Examiner {
 
   /// `ties`: an exact claim is held to the primitive, too.
   Text Misjudged(const rb_ray& ray, const Truth& truth, const rb_hit& hit, bool ties = true) {
-    const Verdict verdict = TheOracle().Judge(ray, truth, hit);
-    const bool loose = ties && IsExact() && !TheOracle().IsStrict(ray, truth, hit);
-    if (!IsPlainError(verdict) && !loose) return std::nullopt;
-    return fmt::format("({}): {}, a {} answer; true is {}", Describe(ray), Describe(hit),
-                       loose && !IsPlainError(verdict) ? "not exact" : VerdictName(verdict),
-                       DescribeTruth(truth));
+    const Judged judged = JudgeHit(TheOracle(), ray, truth, hit, /*has_uv=*/false);
+    const bool loose = ties && IsExact() && !judged.strict;
+    if (!judged.IsError() && !loose) return std::nullopt;
+    return fmt::format("({}): {}, {}; true is {}", Describe(ray), Describe(hit),
+                       judged.IsError() ? VerdictName(judged.verdict) : "not exact", DescribeTruth(truth));
   }
   Text MisjudgedAt(const rb_ray& ray, const rb_hit& hit) {
     return Misjudged(ray, TheOracle().Ask({&ray, 1}, 1)[0], hit);
@@ -442,9 +438,8 @@ class Examiner {
 
   Text AnyIsTrue() {
     for (size_t i = 0; i < case_.rays.size(); ++i) {
-      const Verdict verdict = TheOracle().JudgeAny(case_.rays[i], Truths()[i], Any().occluded[i] != 0);
-      const bool wrong = IsExact() ? verdict != Verdict::kExact : IsPlainError(verdict);
-      if (wrong)
+      const Judged judged = JudgeOccluded(TheOracle(), case_.rays[i], Truths()[i], Any().occluded[i] != 0);
+      if (judged.Breaks(result_.claim))
         return fmt::format("{}: occluded {}, a {}; true is {}", RayText(i), Any().occluded[i],
                            VerdictName(verdict), DescribeTruth(Truths()[i]));
     }

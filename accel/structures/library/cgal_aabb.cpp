@@ -48,6 +48,8 @@ class KernelTree {
   using Point = typename K::Point_3;
   using Ray = typename K::Ray_3;
   using Triangle = typename K::Triangle_3;
+  static constexpr bool kExactPredicates =
+      std::is_same_v<K, CGAL::Exact_predicates_inexact_constructions_kernel>;
 
   struct Primitive {
     using Id = const Triangle*;
@@ -101,7 +103,9 @@ class KernelTree {
     if (length < 0x1p-20 * distance) d = d * std::ldexp(1.0, std::ilogb(distance) - std::ilogb(length));
     const Ray ray(ToPoint(LoadVec3(q.ray.org)), typename K::Vector_3(Number(d.x), Number(d.y), Number(d.z)));
     // On a tree of one primitive first_intersection does not look at what shall be skipped.
-    if (!kAnyHit && q.ray.tnear == 0 && q.after == RAYBENCH_NONE && triangles_.size() > 1) {
+    // Where predicates are not exact it may find another answer than the traversal that any-hit queries take.
+    if (kExactPredicates && !kAnyHit && q.ray.tnear == 0 && q.after == RAYBENCH_NONE &&
+        triangles_.size() > 1) {
       const auto first = tree_.first_intersection(ray, [&](const Triangle* t) { return IdOf(t) == q.skip; });
       if (!first) return;
       if (const Point* at = AsPoint(first->first)) {
@@ -250,11 +254,16 @@ class CgalAabb {
   void Query(const rb_query& query) const {
     WithTree([&](const auto& tree) {
       ForEachRay<Counter>(query, [&](auto any, const RayQuery& q, rb_hit& best, Counter&) {
-        if (IsRayWithin(q.ray, std::numeric_limits<float>::max(), 0x1p60f, 0x1p-60f)) [[likely]] {
-          tree.template Trace<any.value>(q, best);
-        } else {
-          TraceRescaled(q, best,
-                        [&](const RayQuery& scaled) { tree.template Trace<any.value>(scaled, best); });
+        try {
+          if (IsRayWithin(q.ray, std::numeric_limits<float>::max(), 0x1p60f, 0x1p-60f)) [[likely]] {
+            tree.template Trace<any.value>(q, best);
+          } else {
+            TraceRescaled(q, best,
+                          [&](const RayQuery& scaled) { tree.template Trace<any.value>(scaled, best); });
+          }
+        } catch (const CGAL::Failure_exception&) {
+          // A ray or triangle that float makes of no length.
+          best = {q.ray.tfar, 0, 0, RAYBENCH_NONE};
         }
       });
       return 0;

@@ -132,6 +132,7 @@ class Embree {
     const auto closest_inside = [&](const rb_ray& ray) -> rb_hit {
       rb_hit hit = closest_hit(ray);
       if (hit.t > ray.tnear && hit.t <= ray.tfar) return hit;
+      const FloatState ieee;
       // What it took by its own measure may have been rounded out of the interval; any-hit sees no t.
       const float inside = std::min(std::max(hit.t, std::nextafter(ray.tnear, kInfinity)), ray.tfar);
       if (std::fabs(hit.t - inside) <= 0x1p-20f * inside) return hit.t = inside, hit;
