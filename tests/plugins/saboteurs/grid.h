@@ -46,27 +46,28 @@ class Grid : public Structure<Fault, Grid<Fault>> {
     int64_t resolution;
   };
   static std::span<const rb_param> Params() {
-    static const rb_param params[] = {
-        IntParam("resolution", "cells along an axis", offsetof(Config, resolution), 1, kMostCells, 16)};
+    static const rb_param params[] = {IntParam("resolution", "cells along an axis at most",
+                                               offsetof(Config, resolution), 1, kMostCells, 16)};
     return params;
   }
 
-  Grid(const rb_geometry& geometry, const rb_build_options& options, const Config& config)
-      : Base(geometry), cells_(int(config.resolution)) {
+  Grid(const rb_geometry& geometry, const rb_build_options& options, const Config& config) : Base(geometry) {
     const uint32_t n = uint32_t(PrimCount(geometry));
     if (n == 0) return;
     for (uint32_t i = 0; i < n; ++i) box_.Extend(PaddedPrimBounds(geometry, i));
-    for (int a = 0; a < 3; ++a) {
-      const double extent = double(box_.hi[a]) - double(box_.lo[a]);
-      for (int i = 0; i <= cells_; ++i) walls_[a].push_back(float(double(box_.lo[a]) + extent * i / cells_));
+    uint64_t references = 0;
+    for (cells_ = int(config.resolution);; cells_ /= 2) {
+      PlaceWalls();
+      references = 0;
+      for (uint32_t i = 0; i < n; ++i) references += CellsOf(i).count();
+      if (references <= kFewReferences + 16 * uint64_t{n} || cells_ == 1) break;
     }
     const size_t cells = size_t(cells_) * size_t(cells_) * size_t(cells_);
-    CheckBuild<Fault>(options, (cells + 1) * sizeof(uint32_t));
+    CheckBuild<Fault>(options, (2 * (cells + 1) + references) * sizeof(uint32_t));
     first_.assign(cells + 1, 0);
     for (uint32_t i = 0; i < n; ++i) ForCells(i, [&](size_t cell) { ++first_[cell + 1]; });
     for (size_t c = 0; c < cells; ++c) first_[c + 1] += first_[c];
-    CheckBuild<Fault>(options, 2 * (cells + 1) * sizeof(uint32_t) + first_[cells] * sizeof(uint32_t));
-    prims_.resize(first_[cells]);
+    prims_.resize(references);
     std::vector<uint32_t> next(first_.begin(), first_.end() - 1);
     for (uint32_t i = 0; i < n; ++i) ForCells(i, [&](size_t cell) { prims_[next[cell]++] = i; });
   }
@@ -144,19 +145,37 @@ class Grid : public Structure<Fault, Grid<Fault>> {
  private:
   size_t CellAt(int x, int y, int z) const { return size_t(x + cells_ * (y + cells_ * z)); }
 
+  void PlaceWalls() {
+    for (int a = 0; a < 3; ++a) {
+      walls_[a].clear();
+      const double lo = box_.lo[a], extent = double(box_.hi[a]) - lo;
+      for (int i = 0; i <= cells_; ++i) walls_[a].push_back(float(lo + extent * i / cells_));
+    }
+  }
+
   /// The cells that the primitive's box meets.
+  struct Cells {
+    int from[3], to[3];
+    uint64_t count() const {
+      return uint64_t(to[0] - from[0] + 1) * uint64_t(to[1] - from[1] + 1) * uint64_t(to[2] - from[2] + 1);
+    }
+  };
+  Cells CellsOf(uint32_t prim) const {
+    const Bounds3 b = PaddedPrimBounds(this->geometry_, prim);
+    Cells c;
+    for (int a = 0; a < 3; ++a) {
+      c.from[a] = 0, c.to[a] = cells_ - 1;
+      while (c.from[a] < c.to[a] && walls_[a][c.from[a] + 1] < b.lo[a]) ++c.from[a];
+      while (c.to[a] > c.from[a] && walls_[a][c.to[a]] > b.hi[a]) --c.to[a];
+    }
+    return c;
+  }
   template <class Fn>
   void ForCells(uint32_t prim, Fn&& fn) const {
-    const Bounds3 b = PaddedPrimBounds(this->geometry_, prim);
-    int from[3], to[3];
-    for (int a = 0; a < 3; ++a) {
-      from[a] = 0, to[a] = cells_ - 1;
-      while (from[a] < to[a] && walls_[a][from[a] + 1] < b.lo[a]) ++from[a];
-      while (to[a] > from[a] && walls_[a][to[a]] > b.hi[a]) --to[a];
-    }
-    for (int z = from[2]; z <= to[2]; ++z)
-      for (int y = from[1]; y <= to[1]; ++y)
-        for (int x = from[0]; x <= to[0]; ++x) fn(CellAt(x, y, z));
+    const Cells c = CellsOf(prim);
+    for (int z = c.from[2]; z <= c.to[2]; ++z)
+      for (int y = c.from[1]; y <= c.to[1]; ++y)
+        for (int x = c.from[0]; x <= c.to[0]; ++x) fn(CellAt(x, y, z));
   }
 
   template <bool kAny, class Ray, class Counter>
@@ -177,7 +196,9 @@ class Grid : public Structure<Fault, Grid<Fault>> {
     return changed;
   }
 
-  int cells_;
+  static constexpr uint64_t kFewReferences = 65536;  ///< beside 16 a primitive, as many at most
+
+  int cells_ = 1;  ///< along an axis; by half as many while there are too many references
   Bounds3 box_;
   std::vector<float> walls_[3];
   std::vector<uint32_t> first_, prims_;

@@ -16,8 +16,8 @@ struct NaiveSlab : WideningSlab {
     tnear = -std::numeric_limits<float>::infinity(), tfar = std::numeric_limits<float>::infinity();
     for (int a = 0; a < 3; ++a) {
       const float t0 = (wide.lo[a] - org[a]) * inv[a], t1 = (wide.hi[a] - org[a]) * inv[a];
-      tnear = std::max(tnear, std::min(t0, t1));
-      tfar = std::min(tfar, std::max(t0, t1) * (1 + 0x1p-19f));
+      tnear = std::max(std::min(t0, t1), tnear);  // a NaN that comes first stays
+      tfar = std::min(std::max(t0, t1) * (1 + 0x1p-19f), tfar);
     }
   }
 };

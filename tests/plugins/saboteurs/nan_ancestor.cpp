@@ -27,9 +27,10 @@ struct Fault : HonestBvh {
     for (int a = 0; a < 3; ++a) {
       const float from = parent.box.lo[a], extent = parent.box.hi[a] - from, scale = 1 / extent;
       auto there_and_back = [&](float x) { return from + (x - from) * scale * extent; };
-      // Outward, as far as rounding goes: std::min and std::max keep a NaN that comes first.
+      // Outward, but not beyond the parent: std::min and std::max keep a NaN that comes first.
       float &lo = relative.box.lo[a], &hi = relative.box.hi[a];
-      lo = std::min(there_and_back(lo), lo), hi = std::max(there_and_back(hi), hi);
+      lo = std::max(std::min(there_and_back(lo), lo), from);
+      hi = std::min(std::max(there_and_back(hi), hi), parent.box.hi[a]);
     }
     return relative;
   }

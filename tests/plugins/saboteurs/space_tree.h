@@ -158,7 +158,7 @@ class SpaceTree : public Structure<Fault, SpaceTree<Fault>> {
       std::sort(ends.begin(), ends.end());
       const float split = ends[ends.size() / 2];
       const size_t left = On(false, refs, axis, split).size(), right = On(true, refs, axis, split).size();
-      if (2 * (left + right) <= 3 * refs.size()) return {axis, split, cell.lo[axis], cell.hi[axis]};
+      if (5 * (left + right) <= 8 * refs.size()) return {axis, split, cell.lo[axis], cell.hi[axis]};
     }
     return {3, 0, 0, 0};
   }
