@@ -7,7 +7,7 @@ namespace {
 
 /// 16 significant bits of x, rounded down or, by way of -x, up.
 float Down(float x) {
-  if (x == 0) return 0;
+  if (std::fabs(x) < 0x1p-100f) return x;
   const float unit = std::ldexp(1.0f, std::ilogb(x) - 15);
   return std::floor(x / unit) * unit;
 }

@@ -14,7 +14,8 @@ struct Fault : HonestBvh {
   static size_t LeftOf(size_t count, const rb_build_options&) {
     static std::atomic<uint32_t> state{1};
     const uint32_t next = state = state * 1664525u + 1013904223u;
-    return 1 + (next >> 8) % (count - 1);
+    const size_t least = std::max<size_t>(1, count / 4);
+    return least + (next >> 8) % (count - 2 * least + 1);
   }
 };
 

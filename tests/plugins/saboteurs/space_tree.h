@@ -49,11 +49,12 @@ class SpaceTree : public Structure<Fault, SpaceTree<Fault>> {
     const int levels = std::bit_width(n);
     most_depth_ = Fault::kOctree ? 3 * (levels / 3 + 3) : 8 + levels + levels / 3;
     std::vector<uint32_t> all(n);
+    boxes_.reserve(n);
     for (uint32_t i = 0; i < n; ++i) {
       all[i] = i, boxes_.push_back(PaddedPrimBounds(geometry, i));
       cell_.Extend(boxes_[i]);
     }
-    Build(all, cell_, 0);
+    Build(all, cell_, 0, n * sizeof(Bounds3));
     boxes_ = {};
   }
 
@@ -111,9 +112,11 @@ class SpaceTree : public Structure<Fault, SpaceTree<Fault>> {
     bool IsLeaf() const { return plane.axis == 3; }
   };
 
-  void Build(const std::vector<uint32_t>& refs, const Bounds3& cell, int depth) {
-    CheckBuild<Fault>(options_, nodes_.size() * sizeof(Node) + prims_.size() * sizeof(uint32_t) +
-                                    boxes_.size() * sizeof(Bounds3));
+  /// `held`: bytes that the build holds beside the tree. A vector that grows takes up to three times its size.
+  void Build(const std::vector<uint32_t>& refs, const Bounds3& cell, int depth, uint64_t held) {
+    held += refs.capacity() * sizeof(uint32_t);
+    CheckBuild<Fault>(options_, held + 6 * refs.size() * sizeof(float) +
+                                    3 * (nodes_.size() * sizeof(Node) + prims_.size() * sizeof(uint32_t)));
     const Plane plane = Fault::kOctree ? Halved(refs, cell, depth) : Median(refs, cell, depth);
     const size_t at = nodes_.size();
     nodes_.push_back({plane, uint32_t(prims_.size()), 0});
@@ -126,7 +129,7 @@ class SpaceTree : public Structure<Fault, SpaceTree<Fault>> {
       Bounds3 child = cell;
       (right ? child.lo : child.hi)[plane.axis] = plane.split;
       if (right) nodes_[at].index = uint32_t(nodes_.size());
-      Build(On(right, refs, plane.axis, plane.split), child, depth + 1);
+      Build(On(right, refs, plane.axis, plane.split), child, depth + 1, held);
     }
   }
 

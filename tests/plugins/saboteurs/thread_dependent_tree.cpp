@@ -10,7 +10,7 @@ struct Fault : HonestBvh {
   static constexpr const char* kDoc =
       "splits so that each thread gets a part, and calls itself deterministic";
   static size_t LeftOf(size_t count, const rb_build_options& options) {
-    return std::max<size_t>(1, count / (options.threads + 1));
+    return std::max<size_t>(1, count / (std::min(options.threads, 3u) + 1));
   }
 };
 
