@@ -109,8 +109,9 @@ Bvh2::Bvh2(const rb_geometry& geometry, const BinaryTree& tree)
         for (int c = 0; c < 3; ++c) {
           auto corner = [&](int lane) {
             const uint32_t prim = block.prim[lane];
-            return prim < geometry.triangle_count ? Load4(geometry.positions[geometry.triangles[prim][c]])
-                                                  : Float4{};
+            return prim < geometry.triangle_count
+                       ? Load<Float4>(geometry.positions[geometry.triangles[prim][c]])
+                       : Float4{};
           };
           Transpose3(corner(0), corner(1), corner(2), corner(3), block.v[c]);
         }

@@ -11,10 +11,9 @@ class NodeTest {
  public:
   explicit NodeTest(const SlabRay& slab) {
     for (int a = 0; a < 3; ++a) {
-      org_[a] = Splat4(slab.org[a]);
+      org_[a] = Splat<Float4>(slab.org[a]);
       inv_[a] = Float4{slab.inv_near[a], slab.inv_near[a], -slab.inv_far[a], -slab.inv_far[a]};
-      // Which lanes hold the planes met first.
-      order_[a] = slab.negative[a] ? Int4{2, 3, 0, 1} : Int4{0, 1, 2, 3};
+      near_first_[a] = LaneXor<4>(slab.negative[a] ? 2 : 0);
     }
   }
 
@@ -22,14 +21,14 @@ class NodeTest {
   Float4 Intervals(const float (&bounds)[3][4], Float4 limits) const {
     Float4 m = limits;
     for (int a = 0; a < 3; ++a) {
-      m = MaxOrSecond((Permute(Load4(bounds[a]), order_[a]) - org_[a]) * inv_[a], m);
+      m = MaxOrSecond((near_first_[a](Load<Float4>(bounds[a])) - org_[a]) * inv_[a], m);
     }
     return m;
   }
 
  private:
   Float4 org_[3], inv_[3];
-  Int4 order_[3];
+  LaneXor<4> near_first_[3];
 };
 
 }  // namespace

@@ -39,7 +39,7 @@ constexpr rb_param NumericsParam(size_t offset) {
 /// Vertex access for MayHit: corner, axis -> the coordinate of four triangles.
 struct Lanes {
   const float (*v)[3][4];  ///< [corner][axis][lane]
-  Float4 operator()(int corner, int axis) const { return Load4(v[corner][axis]); }
+  Float4 operator()(int corner, int axis) const { return Load<Float4>(v[corner][axis]); }
 };
 /// The same for one triangle.
 struct Corners {

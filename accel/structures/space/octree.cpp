@@ -147,20 +147,20 @@ class Octree : public CenterStructure<Octree> {
         const Node& node = nodes_[ref.index];
         counter.Step(sizeof(Node));
         counter.Bounds(3);
-        const Float4 from_org = Float4(Int4(Load4(node.center)) & Int4{-1, -1, -1, 0}) - org;
+        const Float4 from_org = Float4(Int4(Load<Float4>(node.center)) & Int4{-1, -1, -1, 0}) - org;
         const Float4 enter2 = from_org * inv_enter, leave2 = from_org * inv_leave;
         const Float4 &e = now.enter, &l = now.leave;
         const Float4 enter_xy =
             MaxOrSecond(Float4{e[0], enter2[0], e[0], enter2[0]},
-                        MaxOrSecond(Float4{e[1], e[1], enter2[1], enter2[1]}, Splat4(tnear)));
+                        MaxOrSecond(Float4{e[1], e[1], enter2[1], enter2[1]}, Splat<Float4>(tnear)));
         // NaN (a parallel ray in the plane) limits nothing, being the first operand.
         const Float4 leave_xy =
             MinOrSecond(Float4{leave2[0], l[0], leave2[0], l[0]},
-                        MinOrSecond(Float4{leave2[1], leave2[1], l[1], l[1]}, Splat4(best.t)));
-        const Float4 enter_0 = MaxOrSecond(Splat4(e[2]), enter_xy),
-                     enter_1 = MaxOrSecond(Splat4(enter2[2]), enter_xy);
-        const Float4 leave_0 = MinOrSecond(Splat4(leave2[2]), leave_xy),
-                     leave_1 = MinOrSecond(Splat4(l[2]), leave_xy);
+                        MinOrSecond(Float4{leave2[1], leave2[1], l[1], l[1]}, Splat<Float4>(best.t)));
+        const Float4 enter_0 = MaxOrSecond(Splat<Float4>(e[2]), enter_xy),
+                     enter_1 = MaxOrSecond(Splat<Float4>(enter2[2]), enter_xy);
+        const Float4 leave_0 = MinOrSecond(Splat<Float4>(leave2[2]), leave_xy),
+                     leave_1 = MinOrSecond(Splat<Float4>(l[2]), leave_xy);
         unsigned hit = Mask(enter_0 <= leave_0) | Mask(enter_1 <= leave_1) << 4;
         if constexpr (!Counter::kCounts) hit &= Reorder(node.filled, signs);
         if (hit == 0) {

@@ -127,7 +127,7 @@ class Quadtree : public CenterStructure<Quadtree> {
     const SlabRay& slab = ray.slab;
     const int x = axes_[0], y = axes_[1], z = axes_[2];
     const unsigned signs = unsigned(slab.negative[x]) | unsigned(slab.negative[y]) << 1;
-    const Int4 order = {int32_t(signs), int32_t(1 ^ signs), int32_t(2 ^ signs), int32_t(3 ^ signs)};
+    const LaneXor<4> in_order{int(signs)};
     const float tnear = ray.query.ray.tnear;
 
     Entry stack[kStack], now;
@@ -151,15 +151,15 @@ class Quadtree : public CenterStructure<Quadtree> {
         const float dx = node.center[0] - slab.org[x], dy = node.center[1] - slab.org[y];
         const float enter_x = dx * slab.inv_near[x], leave_x = dx * slab.inv_far[x];
         const float enter_y = dy * slab.inv_near[y], leave_y = dy * slab.inv_far[y];
-        const Float4 first = Load4(slab.negative[z] ? node.upper : node.lower),
-                     last = Load4(slab.negative[z] ? node.lower : node.upper);
+        const Float4 first = Load<Float4>(slab.negative[z] ? node.upper : node.lower),
+                     last = Load<Float4>(slab.negative[z] ? node.lower : node.upper);
         // NaN (a parallel ray in a plane) limits nothing, being the first operand.
-        Float4 enter = (Shuffle(first, order) - slab.org[z]) * slab.inv_near[z];
-        enter = MaxOrSecond(enter, Splat4(tnear));
+        Float4 enter = (in_order(first) - slab.org[z]) * slab.inv_near[z];
+        enter = MaxOrSecond(enter, Splat<Float4>(tnear));
         enter = MaxOrSecond(Float4{now.enter[0], enter_x, now.enter[0], enter_x}, enter);
         enter = MaxOrSecond(Float4{now.enter[1], now.enter[1], enter_y, enter_y}, enter);
-        Float4 leave = (Shuffle(last, order) - slab.org[z]) * slab.inv_far[z];
-        leave = MinOrSecond(leave, Splat4(best.t));
+        Float4 leave = (in_order(last) - slab.org[z]) * slab.inv_far[z];
+        leave = MinOrSecond(leave, Splat<Float4>(best.t));
         leave = MinOrSecond(Float4{leave_x, now.leave[0], leave_x, now.leave[0]}, leave);
         leave = MinOrSecond(Float4{leave_y, leave_y, now.leave[1], now.leave[1]}, leave);
         unsigned hit = Mask(enter <= leave);
@@ -191,14 +191,6 @@ class Quadtree : public CenterStructure<Quadtree> {
         now = stack[--top];
       } while (now.tnear > best.t);
     }
-  }
-
-  static Float4 Shuffle(Float4 v, Int4 order) {
-#if defined(__AVX__)
-    return _mm_permutevar_ps(v, __m128i(order));
-#else
-    return Float4{v[order[0]], v[order[1]], v[order[2]], v[order[3]]};
-#endif
   }
 
   template <class Fn>
