@@ -21,7 +21,7 @@ struct Box4 {
 
   static Box4 Empty() {
     constexpr float kInf = std::numeric_limits<float>::infinity();
-    return {Splat4(kInf), Splat4(-kInf)};
+    return {Splat<Float4>(kInf), Splat<Float4>(-kInf)};
   }
   void Extend(Float4 p) { lo = MinOrSecond(p, lo), hi = MaxOrSecond(p, hi); }
   void Extend(const Box4& b) { lo = MinOrSecond(b.lo, lo), hi = MaxOrSecond(b.hi, hi); }

@@ -16,12 +16,12 @@ inline bool IsRayWithin(const rb_ray& ray, float farthest, float longest, float 
   // Magnitudes are compared as integers: NaN is larger than all of them, and subnormals count even where the
   // thread's floating-point state takes them for zero.
   const float* const r = reinterpret_cast<const float*>(&ray);
-  const Int4 org_tnear = Int4(Load4(r)), distance = org_tnear & 0x7FFFFFFF,
-             length = Int4(Load4(r + 4)) & 0x7FFFFFFF;
+  const Int4 org_tnear = Int4(Load<Float4>(r)), distance = org_tnear & 0x7FFFFFFF,
+             length = Int4(Load<Float4>(r + 4)) & 0x7FFFFFFF;
   const Int4 within = (distance <= Int4(Float4{farthest, farthest, farthest, kMax})) &
                       (length <= Int4(Float4{longest, longest, longest, kInf})) &
                       ((org_tnear >= 0) | (distance == 0) | Int4{-1, -1, -1, 0});
-  return Mask(within) == 15u && (Mask(length >= Int4(Splat4(shortest))) & 7u) != 0;
+  return Mask(within) == 15u && (Mask(length >= Int4(Splat<Float4>(shortest))) & 7u) != 0;
 }
 
 /// Finite origin and direction, direction not zero, tnear finite and >= 0, tfar not NaN: what a structure may

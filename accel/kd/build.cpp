@@ -258,8 +258,8 @@ class Builder {
     auto add = [&](const auto& range, MinMaxBins sum) {
       for (size_t i = range.begin(); i < range.end(); ++i) {
         const Bounds3& box = cell.refs[i].box;
-        const Int4 lo = __builtin_convertvector((Load4(&box.lo.x) - origin) * scale, Int4);
-        const Int4 hi = __builtin_convertvector((Load4(&box.hi.x) - origin) * scale, Int4);
+        const Int4 lo = __builtin_convertvector((Load<Float4>(&box.lo.x) - origin) * scale, Int4);
+        const Int4 hi = __builtin_convertvector((Load<Float4>(&box.hi.x) - origin) * scale, Int4);
         for (int a = 0; a < 3; ++a)
           ++sum.starts[a][std::min(lo[a], last)], ++sum.ends[a][std::min(hi[a], last)];
       }

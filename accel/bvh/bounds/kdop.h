@@ -23,12 +23,10 @@
 // only that is compared with t.
 #pragma once
 
+#include "accel/base/simd.h"
 #include "accel/ray/bounds.h"
 
 namespace raybench {
-
-using Double4 = double __attribute__((vector_size(32)));
-using Long4 = int64_t __attribute__((vector_size(32)));
 
 template <int K>
 struct KdopBound {
@@ -91,6 +89,9 @@ struct KdopBound {
   }
 
   class Ray {
+    using Double4 = Vec<double, 4>;
+    using Long4 = Vec<int64_t, 4>;
+
    public:
     Ray(const SlabRay& slab, const rb_ray& ray, Slack slack) : slab_(slab), tnear_(ray.tnear) {
       const Vec3d o = ToDouble(LoadVec3(ray.org)), d = ToDouble(LoadVec3(ray.dir));
@@ -118,16 +119,16 @@ struct KdopBound {
       entry = std::max(entry, tnear_);
       if (!(entry <= std::min(exit, tfar))) return false;
       if constexpr (kVectors > 0) {
-        Double4 last_entry = Double4{} + double(entry), first_exit = Double4{} + double(exit);
+        Double4 last_entry = Splat<Double4>(entry), first_exit = Splat<Double4>(exit);
         for (int i = 0; i < kVectors; ++i) {
           const Vector& v = vectors_[i];
-          const Double4 lo = __builtin_convertvector(Load4(b.lo + 3 + 4 * i), Double4),
-                        hi = __builtin_convertvector(Load4(b.hi + 3 + 4 * i), Double4);
+          const Double4 lo = __builtin_convertvector(Load<Float4>(b.lo + 3 + 4 * i), Double4),
+                        hi = __builtin_convertvector(Load<Float4>(b.hi + 3 + 4 * i), Double4);
           const Double4 front = (v.backward ? -hi : lo) - v.from, back = (v.backward ? -lo : hi) - v.from;
           const Double4 n = (front - v.error) * v.inv_near, f = (back + v.error) * v.inv_far + v.stays;
           // A NaN is 0 x inf: the origin on a plane of a parallel slab, which bounds nothing.
-          last_entry = n > last_entry ? n : last_entry;
-          first_exit = f < first_exit ? f : first_exit;
+          last_entry = MaxOrSecond(n, last_entry);
+          first_exit = MinOrSecond(f, first_exit);
         }
         const double from =
             std::max(std::max(last_entry[0], last_entry[1]), std::max(last_entry[2], last_entry[3]));

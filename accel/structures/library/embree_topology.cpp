@@ -95,7 +95,7 @@ class EmbreeTopology {
     build.buildQuality = config.quality == 0 ? RTC_BUILD_QUALITY_LOW : RTC_BUILD_QUALITY_MEDIUM;
     build.maxBranchingFactor = unsigned(config.width);
     build.maxDepth = kBuilderDepth;
-    build.sahBlockSize = LeafBlocks::kLanes;
+    build.sahBlockSize = LeafBlocks<>::kLanes;
     build.minLeafSize = 1;
     build.maxLeafSize = unsigned(config.leaf_size);
     build.bvh = bvh.get();
@@ -190,7 +190,7 @@ class EmbreeTopology {
         ref = kLeaf | uint32_t(leaves_.size());
         leaves_.push_back({blocks, p.made->count});
         made_leaves.push_back(static_cast<const MadeLeaf*>(p.made));
-        blocks += uint32_t(LeafBlocks::BlocksOf(p.made->count));
+        blocks += uint32_t(LeafBlocks<>::BlocksOf(p.made->count));
       } else {
         const auto& made = static_cast<const MadeNode&>(*p.made);
         ref = uint32_t(nodes_.size());
@@ -208,7 +208,7 @@ class EmbreeTopology {
         nodes_[p.parent].child[p.side] = ref;
       }
     }
-    blocks_ = LeafBlocks(geometry, blocks);
+    blocks_ = LeafBlocks<>(geometry, blocks);
     for (size_t i = 0; i < leaves_.size(); ++i)
       blocks_.Fill(leaves_[i].block, {made_leaves[i]->prims, leaves_[i].count});
   }
@@ -242,11 +242,12 @@ class EmbreeTopology {
       Entry hit[kWidth];
       uint32_t hits = 0;
       for (uint32_t half = 0; half < kWidth; half += 4) {
-        Float4 entry = Splat4(ray.query.ray.tnear), exit = Splat4(best.t);
+        Float4 entry = Splat<Float4>(ray.query.ray.tnear), exit = Splat<Float4>(best.t);
         for (int a = 0; a < 3; ++a) {
           const bool negative = ray.slab.negative[a];
-          const Float4 front = Load4((negative ? node.hi : node.lo)[a] + half),
-                       back = Load4((negative ? node.lo : node.hi)[a] + half), org = Splat4(ray.slab.org[a]);
+          const Float4 front = Load<Float4>((negative ? node.hi : node.lo)[a] + half),
+                       back = Load<Float4>((negative ? node.lo : node.hi)[a] + half),
+                       org = Splat<Float4>(ray.slab.org[a]);
           entry = MaxOrSecond((front - org) * ray.slab.inv_near[a], entry);
           exit = MinOrSecond((back - org) * ray.slab.inv_far[a], exit);
         }
@@ -286,7 +287,7 @@ class EmbreeTopology {
   Bounds3 bounds_;
   std::vector<Node> nodes_;
   std::vector<Leaf> leaves_;
-  LeafBlocks blocks_;
+  LeafBlocks<> blocks_;
 };
 
 }  // namespace
