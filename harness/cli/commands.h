@@ -34,7 +34,7 @@ void AddExtremesCommand(CLI::App& app, Invocation& invocation);
 void AddSpdCommand(CLI::App& app, Invocation& invocation);
 void AddReportCommand(CLI::App& app, Invocation& invocation);
 void AddVerifyCommand(CLI::App& app, Invocation& invocation);
-void AddFuzzCommand(CLI::App& app, Invocation& invocation);  ///< and `replay`
+void AddFuzzCommand(CLI::App& app, Invocation& invocation);  ///< and `replay`, `check-plugin`
 
 /// What may stand behind a whole number: nothing, or K, M, G, T, P, E (powers of 1024, perhaps with B or iB).
 enum class Units { kNone, kSizes };

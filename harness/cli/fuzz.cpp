@@ -5,7 +5,9 @@
 
 #include "accel/host/parameters.h"
 #include "harness/cli/commands.h"
+#include "harness/fuzz/check_plugin.h"
 #include "harness/fuzz/replay.h"
+#include "harness/fuzz/report.h"
 
 namespace raybench {
 namespace {
@@ -109,6 +111,30 @@ void AddReplayOptions(CLI::App& command, fuzz::ReplayOptions& options) {
   command.footer("\nExit codes: 0 every promise held; 1 one was broken; 2 wrong input.");
 }
 
+constexpr const char* kCheckPluginFooter = R"help(
+First come rays aimed at vertices, edges, outlines and planes of small scenes, then random cases (see: raybench fuzz
+--help, where the promises are listed), each in a child process. What broke is shown with the smallest case found.
+
+Exit codes: 0 every promise held; 1 one was broken, or the plugin cannot be loaded; 2 wrong input; 130 interrupted.)help";
+
+void AddCheckPluginOptions(CLI::App& command, fuzz::CheckPluginOptions& options) {
+  command.add_option("plugin", options.plugin, "The shared library")->required()->type_name("FILE.so");
+  command.add_option("--seconds", options.seconds, "For each structure; default 60")
+      ->transform(RealNumber(1, 1e9))
+      ->type_name("N");
+  command
+      .add_option("--out", options.out,
+                  "Folder for case files, fuzz.json and junit.xml; default: nothing is written")
+      ->type_name("DIR");
+  command.add_option("--seed", options.seed, "Seed of everything random; default 1")
+      ->transform(WholeNumber())
+      ->type_name("N");
+  command.add_option("--jobs", options.jobs, "Processes; default all processors")
+      ->transform(WholeNumber(1, 1024))
+      ->type_name("N");
+  command.footer(kCheckPluginFooter);
+}
+
 }  // namespace
 
 void AddFuzzCommand(CLI::App& app, Invocation& invocation) {
@@ -116,6 +142,10 @@ void AddFuzzCommand(CLI::App& app, Invocation& invocation) {
                             AddOptions, [&invocation](FuzzArguments& arguments, const Registry& registry) {
                               return RunTheFuzzer(arguments, registry, invocation);
                             });
+  AddCommand<fuzz::CheckPluginOptions>(
+      app, invocation, "check-plugin", "Find out whether a plugin keeps the whole contract",
+      AddCheckPluginOptions,
+      [](fuzz::CheckPluginOptions& options, const Registry&) { return fuzz::RunCheckPlugin(options); });
   AddCommand<fuzz::ReplayOptions>(
       app, invocation, "replay", "Examine case files of fuzz once more, with exact numbers", AddReplayOptions,
       [](fuzz::ReplayOptions& options, const Registry& registry) {

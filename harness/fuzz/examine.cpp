@@ -90,6 +90,7 @@ class Examiner {
       return std::move(result_);
     }
     result_.claim = tree_.Claims();
+    result_.looked_at.push_back("builds");
     for (const auto& [info, check] : kTable) {
       if (!case_.check.empty() && case_.check != info.name) continue;
       if (!IsAskedOf(info.demand)) continue;
@@ -441,7 +442,7 @@ class Examiner {
       const Judged judged = JudgeOccluded(TheOracle(), case_.rays[i], Truths()[i], Any().occluded[i] != 0);
       if (judged.Breaks(result_.claim))
         return fmt::format("{}: occluded {}, a {}; true is {}", RayText(i), Any().occluded[i],
-                           VerdictName(verdict), DescribeTruth(Truths()[i]));
+                           VerdictName(judged.verdict), DescribeTruth(Truths()[i]));
     }
     return std::nullopt;
   }

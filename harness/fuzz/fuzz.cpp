@@ -6,12 +6,10 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <filesystem>
 #include <map>
 #include <memory>
 #include <thread>
 
-#include "accel/base/files.h"
 #include "accel/contract/valid_ray.h"
 #include "accel/host/parameters.h"
 #include "harness/fuzz/isolate.h"
@@ -22,7 +20,6 @@
 #include "harness/terminal/progress.h"
 
 namespace raybench::fuzz {
-namespace fs = std::filesystem;
 namespace {
 
 constexpr double kHang = 20;
@@ -77,7 +74,9 @@ class Campaign {
       for (const std::string& spec : specs_) ParseContestant(registry, spec);
     }
     jobs_ = options.jobs != 0 ? options.jobs : AllThreads();
+    if (options.scenes) standard_ = StandardCases(options.seed);
     counts_ = std::make_unique<Shared<Count>>(specs_.size());
+    looked_at_ = std::make_unique<Shared<std::atomic<uint64_t>>>(specs_.size() * Checks().size());
     stages_ = std::make_unique<Shared<Stage>>(jobs_);
     next_ = std::make_unique<Shared<std::atomic<uint64_t>>>(1);
   }
@@ -106,7 +105,8 @@ class Campaign {
     }
     for (size_t i = 0; i < specs_.size(); ++i) {
       const Count& c = (*counts_)[i];
-      result_.structures.push_back({specs_[i], c.cases, c.left_out, c.rays});
+      FuzzedStructure& s = result_.structures.emplace_back(specs_[i], c.cases, c.left_out, c.rays);
+      for (size_t k = 0; k < Checks().size(); ++k) s.looked_at.push_back(LookedAt(i, k));
     }
     result_.interrupted = Interrupted();
     return std::move(result_);
@@ -114,11 +114,13 @@ class Campaign {
 
   /// Case `index`, with its structure.
   Case CaseOf(uint64_t index) const {
-    Case c = GenerateCase(mode_, options_.seed, index);
+    const uint64_t round = index / specs_.size();
     const std::string& spec = specs_[index % specs_.size()];
     Random random(options_.seed, ~index);
+    const bool standard = round < standard_.size();
+    Case c = standard ? standard_[round] : GenerateCase(mode_, options_.seed, index);
     c.structure = spec;
-    if (spec.find('(') == spec.npos && random.Below(2))
+    if (!standard && spec.find('(') == spec.npos && random.Below(2))
       c.structure = DrawParameters(registry_.Find(spec), random);
     c.seed = 1 + random.Below(1u << 16);
     c.check = options_.check;
@@ -136,6 +138,9 @@ class Campaign {
     bool stops = false;
   };
 
+  std::atomic<uint64_t>& LookedAt(size_t structure, size_t check) const {
+    return (*looked_at_)[structure * Checks().size() + check];
+  }
   Stage& StageOf(size_t slot) { return (*stages_)[slot]; }
   uint64_t CasesSoFar() const {
     uint64_t n = 0;
@@ -169,6 +174,9 @@ class Campaign {
       const Examination e = Examine(registry_, c, [&](const char* check) { stage.check = check; });
       stage.check = "";
       ++count.cases;
+      for (size_t k = 0; k < Checks().size(); ++k)
+        LookedAt(index % specs_.size(), k) +=
+            std::count(e.looked_at.begin(), e.looked_at.end(), std::string_view(Checks()[k].name)) > 0;
       count.left_out += !e.left_out.empty();
       count.rays += e.left_out.empty() ? c.rays.size() : 0;
       for (const Finding& finding : e.findings) {
@@ -281,59 +289,14 @@ class Campaign {
   std::vector<std::string> specs_;
   size_t jobs_ = 1;
   double start_ = 0;
+  std::vector<Case> standard_;
   std::unique_ptr<Shared<Count>> counts_;
+  std::unique_ptr<Shared<std::atomic<uint64_t>>> looked_at_;
   std::unique_ptr<Shared<Stage>> stages_;
   std::unique_ptr<Shared<std::atomic<uint64_t>>> next_;
   std::set<std::pair<std::string, std::string>> known_;
   FuzzResult result_;
 };
-
-std::string Plugins(const FuzzOptions& options) {
-  std::string text;
-  for (const std::string& plugin : options.plugins) text += " --plugin " + plugin;
-  return text;
-}
-
-std::string Size(const Case& c) {
-  return fmt::format("{} primitive{}, {} ray{}", c.primitives(), c.primitives() == 1 ? "" : "s",
-                     c.rays.size(), c.rays.size() == 1 ? "" : "s");
-}
-
-void WriteFindings(const FuzzOptions& options, FuzzResult& result) {
-  std::error_code error;
-  fs::create_directories(options.out, error);
-  if (error) throw InputError(fmt::format("{}: cannot be made: {}", options.out, error.message()));
-  DistinctNames names;
-  Json list = Json::array();
-  for (FoundFault& fault : result.faults) {
-    const fs::path file =
-        fs::path(options.out) / (names(FileStem(fault.structure + "-" + fault.check)) + ".case");
-    fault.file = file.string();
-    WriteFileAtomically(file, Format(fault.smallest, fault.text));
-    list.push_back({{"structure", fault.structure},
-                    {"check", fault.check},
-                    {"what", fault.text},
-                    {"file", file.filename().string()},
-                    {"case_index", fault.index},
-                    {"found_after_s", fault.seconds},
-                    {"found_after_cases", fault.cases},
-                    {"repeats", fault.repeats},
-                    {"primitives", fault.smallest.primitives()},
-                    {"rays", fault.smallest.rays.size()},
-                    {"primitives_before", fault.primitives_before},
-                    {"rays_before", fault.rays_before},
-                    {"shrinking_tries", fault.tries}});
-  }
-  Json structures = Json::array();
-  for (const FuzzedStructure& s : result.structures)
-    structures.push_back(
-        {{"structure", s.name}, {"cases", s.cases}, {"left_out", s.left_out}, {"rays", s.rays}});
-  WriteFileAtomically(fs::path(options.out) / "fuzz.json", Dump({{"seed", options.seed},
-                                                                 {"mode", options.mode},
-                                                                 {"seconds", result.seconds},
-                                                                 {"structures", structures},
-                                                                 {"findings", list}}));
-}
 
 }  // namespace
 
@@ -370,33 +333,6 @@ std::vector<Finding> ExamineIsolated(const Registry& registry, const Case& c, do
   }
   if (!how.empty()) findings.push_back(Ended(stage[0].check, how));
   return findings;
-}
-
-int RunFuzz(const Registry& registry, const FuzzOptions& options) {
-  FuzzResult result = Fuzz(registry, options);
-  if (!result.faults.empty()) WriteFindings(options, result);
-  uint64_t cases = 0, rays = 0, left_out = 0;
-  fmt::print("{:<24} {:>9} {:>11} {:>9} {:>9}\n", "structure", "cases", "rays", "left out", "broken");
-  for (const FuzzedStructure& s : result.structures) {
-    const auto broken = std::count_if(result.faults.begin(), result.faults.end(),
-                                      [&](const FoundFault& f) { return f.structure == s.name; });
-    fmt::print("{:<24} {:>9} {:>11} {:>9} {:>9}\n", s.name, s.cases, s.rays, s.left_out, broken);
-    cases += s.cases, rays += s.rays, left_out += s.left_out;
-  }
-  fmt::print("seed {}: {} cases, {} rays in {:.1f} s: {:.0f} cases a second; {} left out\n", options.seed,
-             cases, rays, result.seconds, double(cases) / std::max(result.seconds, 1e-9), left_out);
-  for (const FoundFault& fault : result.faults) {
-    fmt::print("\nFOUND {}: {}: {}\n", fault.structure, fault.check, fault.text);
-    for (const CheckInfo& info : Checks())
-      if (fault.check == info.name) fmt::print("  promised: {}\n", info.doc);
-    fmt::print("  after {:.1f} s and {} cases, in case {}{}\n", fault.seconds, fault.cases, fault.index,
-               fault.repeats ? "" : "; not seen again, or not tried");
-    fmt::print("  {} ({}; at first {} primitives, {} rays)\n", fault.file, Size(fault.smallest),
-               fault.primitives_before, fault.rays_before);
-    fmt::print("  raybench replay {}{}\n", fault.file, Plugins(options));
-  }
-  if (!result.faults.empty()) return 1;
-  return result.interrupted ? 130 : 0;
 }
 
 }  // namespace raybench::fuzz

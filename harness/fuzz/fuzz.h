@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "accel/host/registry.h"
-#include "harness/base/json.h"
 #include "harness/fuzz/examine.h"
 #include "harness/fuzz/generate.h"
 
@@ -24,6 +23,7 @@ struct FuzzOptions {
   uint32_t jobs = 0;      ///< processes; 0: as many as there are processors
   uint64_t findings = 0;  ///< stop at so many; 0: go on
   bool shrink = true, quiet = false;
+  bool scenes = false;  ///< first of all the cases of StandardCases()
 };
 
 /// A promise that one structure broke.
@@ -43,6 +43,7 @@ struct FoundFault {
 struct FuzzedStructure {
   std::string name;
   uint64_t cases = 0, left_out = 0, rays = 0;
+  std::vector<uint64_t> looked_at;  ///< cases by check, in the order of Checks()
 };
 
 struct FuzzResult {
@@ -60,9 +61,5 @@ FuzzResult Fuzz(const Registry& registry, const FuzzOptions& options);
 /// Examines the case in a child. Findings as Examine() has them; a crash is one of the check at work.
 std::vector<Finding> ExamineIsolated(const Registry& registry, const Case& c, double seconds = 20,
                                      std::string* left_out = nullptr);
-
-/// Runs Fuzz(), prints the table and the findings, writes case files and, if anything was found, fuzz.json.
-/// Returns 0 nothing found, 1 findings, 130 interrupted without any.
-int RunFuzz(const Registry& registry, const FuzzOptions& options);
 
 }  // namespace raybench::fuzz

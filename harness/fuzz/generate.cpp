@@ -10,6 +10,8 @@
 #include "accel/contract/valid_ray.h"
 #include "accel/host/parameters.h"
 #include "harness/fuzz/lattice.h"
+#include "harness/rays/aim.h"
+#include "harness/truth/mesh_edges.h"
 
 namespace raybench::fuzz {
 namespace {
@@ -458,6 +460,34 @@ Case GenerateCase(Mode mode, uint64_t seed, uint64_t index) {
   if (mode == Mode::kBoth) mode = random.Below(3) == 0 ? Mode::kExact : Mode::kChaotic;
   Builder builder(random);
   return mode == Mode::kExact ? builder.Exact() : builder.Chaotic();
+}
+
+std::vector<Case> StandardCases(uint64_t seed) {
+  constexpr const char* kScenes[] = {"icosphere(level=3)", "menger(depth=1)",       "soup(size=500)",
+                                     "shells(size=400)",   "terrain_box(size=400)", "sphereflake(depth=2)",
+                                     "city(size=400)"};
+  constexpr size_t kSetRays = 256;
+  std::vector<Case> cases;
+  for (const char* name : kScenes) {
+    LoadOptions load;
+    load.seed = seed;
+    const Scene scene = LoadScene(name, load);
+    Case c;
+    c.positions = scene.positions, c.triangles = scene.triangles;
+    c.spheres = scene.spheres, c.cones = scene.cones;
+    for (const Polygon& polygon : scene.polygons) {
+      const auto corners = scene.CornersOf(polygon);
+      c.polygons.emplace_back(corners.begin(), corners.end());
+    }
+    const std::vector<MeshEdge> edges = MeshEdges(scene);
+    for (const AimedSet& set : SharedSets(scene, edges, kSetRays, seed)) {
+      if (!set.absent.empty()) continue;
+      c.rays.resize(kSetRays);
+      set.fill(0, c.rays, 1);
+      cases.push_back(c);
+    }
+  }
+  return cases;
 }
 
 std::string DrawParameters(const rb_structure& structure, Random& random) {

@@ -17,6 +17,10 @@ enum class Mode { kExact, kChaotic, kBoth };
 /// something.
 Case GenerateCase(Mode mode, uint64_t seed, uint64_t index);
 
+/// Small scenes of raybench's generators with rays of each family that is aimed at them (harness/rays/aim.h):
+/// what `verify` would ask. Without a structure.
+std::vector<Case> StandardCases(uint64_t seed);
+
 /// `structure` with parameters at random, half of them at their default, as a specification.
 std::string DrawParameters(const rb_structure& structure, Random& random);
 
