@@ -51,7 +51,7 @@ class BoundTree {
       right.push_back(from.count > 0 ? blocks : kNone);
       if (from.count > 0) {
         if (from.count > kMaxLeaf) throw std::runtime_error("a leaf has too many primitives");
-        blocks += uint32_t(LeafBlocks::BlocksOf(from.count));
+        blocks += uint32_t(LeafBlocks<>::BlocksOf(from.count));
       } else {
         stack.push_back({from.right, place, p.depth + 1});
         stack.push_back({p.slot + 1, kNone, p.depth + 1});
@@ -64,7 +64,7 @@ class BoundTree {
       sources[i].first = l.first, sources[i].count = l.count + r.count;
     }
     nodes_ = HugeArray<Node>(sources.size());
-    leaves_ = LeafBlocks(geometry, blocks);
+    leaves_ = LeafBlocks<>(geometry, blocks);
     // Where the bound of a union is the union of bounds, leaves are enough and the rest follows.
     constexpr bool kMerges = requires(Bound & a, const Bound& b) { a.Extend(b); };
     ParallelFor(Range<size_t>(0, sources.size(), 64), [&](const auto& range) {
@@ -176,7 +176,7 @@ class BoundTree {
   }
 
   HugeArray<Node> nodes_;
-  LeafBlocks leaves_;
+  LeafBlocks<> leaves_;
 };
 
 }  // namespace raybench

@@ -6,8 +6,8 @@
 //     x: lo0 lo1 hi0 hi1 | y: lo0 lo1 hi0 hi1 | z: lo0 lo1 hi0 hi1 | child0 child1 - -
 //
 // so that three four-lane operations an axis test both children, with the planes met first in lanes 0 and 1.
-// Leaves are one or more blocks of four triangles, 160 bytes, vertices copied lane by lane, and are told
-// apart in the child reference: bit 31 set, then (primitives - 1) in 4 bits and the first block in 27.
+// Leaves are blocks of triangles (ray/leaf_blocks.h), told apart in the child reference: bit 31 set, then
+// (primitives - 1) in 4 bits and the first block in 27.
 //
 // Traversal is conservative when the test is (ray/bounds.h): nothing that the primitive test accepts is
 // culled, a node whose entry equals the best t is still visited, so that the lowest id wins ties, and the
@@ -17,6 +17,7 @@
 #include "accel/base/huge_array.h"
 #include "accel/bvh/binary_tree.h"
 #include "accel/contract/counting.h"
+#include "accel/ray/leaf_blocks.h"
 #include "accel/ray/primitive.h"
 
 namespace raybench {
@@ -35,7 +36,7 @@ class Bvh2 {
   template <class Counter>
   void Query(uint32_t numerics, const rb_query& query) const;
 
-  MemoryUse Memory() const { return {nodes_.bytes(), blocks_.bytes(), geometry_.procedural_count > 0}; }
+  MemoryUse Memory() const { return {nodes_.bytes(), leaves_.bytes(), leaves_.needs_geometry()}; }
 
   /// node(const rb_node&) in pre-order until it returns non-zero.
   template <class Fn>
@@ -45,7 +46,6 @@ class Bvh2 {
 
  private:
   static constexpr uint32_t kLeaf = 0x80000000u, kEmpty = 0xFFFFFFFFu, kBlockBits = 27;
-  static constexpr uint32_t kLanes = 4;
 
   struct alignas(64) Node {
     float bounds[3][4];
@@ -53,15 +53,9 @@ class Bvh2 {
   };
   static_assert(sizeof(Node) == 64);
 
-  struct alignas(16) Block {
-    float v[3][3][kLanes];  // corner, axis, lane
-    uint32_t prim[kLanes];
-  };
-  static_assert(sizeof(Block) == 160);
-
   /// Where a child lies: asked for when it is pushed, since large trees are bound by memory.
   const void* Address(uint32_t ref) const {
-    return (ref & kLeaf) != 0 ? static_cast<const void*>(&blocks_[FirstBlock(ref)]) : &nodes_[ref];
+    return (ref & kLeaf) != 0 ? static_cast<const void*>(leaves_.Address(FirstBlock(ref))) : &nodes_[ref];
   }
   static constexpr uint32_t LeafRef(uint32_t count, uint32_t first_block) {
     return kLeaf | ((count - 1) << kBlockBits) | first_block;
@@ -83,9 +77,8 @@ class Bvh2 {
   template <class Fn>
   int VisitBelow(uint32_t ref, const Bounds3& box, uint32_t depth, Fn& node) const;
 
-  rb_geometry geometry_{};
   HugeArray<Node> nodes_;
-  HugeArray<Block> blocks_;
+  LeafBlocks<> leaves_;
   uint32_t root_ = kEmpty;
   Bounds3 bounds_;
   bool clipped_ = false;
@@ -98,8 +91,7 @@ int Bvh2::VisitBelow(uint32_t ref, const Bounds3& box, uint32_t depth, Fn& node)
   if ((ref & kLeaf) != 0) {
     uint32_t prims[kMaxLeaf];
     shown.is_leaf = 1, shown.prim_count = LeafSize(ref), shown.prims = prims;
-    for (uint32_t i = 0; i < shown.prim_count; ++i)
-      prims[i] = blocks_[FirstBlock(ref) + i / kLanes].prim[i % kLanes];
+    for (uint32_t i = 0; i < shown.prim_count; ++i) prims[i] = leaves_.prim(FirstBlock(ref), i);
     return node(shown);
   }
   if (int stop = node(shown)) return stop;

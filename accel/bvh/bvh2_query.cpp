@@ -36,30 +36,13 @@ class NodeTest {
 /// True if `best` changed.
 template <class Test, class Counter, bool kProcedural, bool kAnyHit>
 inline bool Bvh2::Leaf(uint32_t ref, const RayState<Test>& ray, rb_hit& best, Counter& counter) const {
-  const uint32_t count = LeafSize(ref);
+  const uint32_t first = FirstBlock(ref), count = LeafSize(ref);
   counter.Step(0);
   counter.Leaf(false);
-  counter.Prims(count, (count + kLanes - 1) / kLanes * sizeof(Block));
-  bool changed = false;
-  const Block* block = &blocks_[FirstBlock(ref)];
-  for (uint32_t left = count;; ++block) {
-    const uint32_t lanes = left < kLanes ? left : kLanes;
-    unsigned candidates = ray.test.MayHit(Lanes{block->v}) & ((1u << lanes) - 1);
-    if constexpr (kProcedural)
-      candidates = (1u << lanes) - 1;  // lanes of procedural primitives hold no vertices
-    for (; candidates != 0; candidates &= candidates - 1) {
-      const int i = __builtin_ctz(candidates);
-      if constexpr (kProcedural) {
-        changed |= ray.Primitive(geometry_, block->prim[i], best);
-      } else {
-        auto corner = [&](int c) { return Vec3f{block->v[c][0][i], block->v[c][1][i], block->v[c][2][i]}; };
-        changed |= ray.Triangle(corner(0), corner(1), corner(2), block->prim[i], best);
-      }
-      if (kAnyHit && changed) return true;
-    }
-    if (left <= kLanes) return changed;
-    left -= kLanes;
-  }
+  // As a whole, also where a hit ends the search in it.
+  counter.Prims(count, LeafBlocks<>::BlocksOf(count) * sizeof(LeafBlocks<>::Block));
+  NoCounting counted;
+  return leaves_.Intersect<kProcedural, kAnyHit>(first, count, ray, best, counted, NoMailbox{});
 }
 
 template <class Test, class Counter, bool kProcedural, bool kAnyHit>
@@ -117,7 +100,7 @@ void Bvh2::QueryLeaves(const rb_query& query) const {
 template <class Counter>
 void Bvh2::Query(uint32_t numerics, const rb_query& query) const {
   WithNumerics(numerics, [&]<class Test>() {
-    if (geometry_.procedural_count > 0) {
+    if (leaves_.needs_geometry()) {
       QueryLeaves<Test, Counter, true>(query);
     } else {
       QueryLeaves<Test, Counter, false>(query);

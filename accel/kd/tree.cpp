@@ -17,21 +17,21 @@ KdTree::KdTree(const rb_geometry& geometry, const Bounds3& cell, const KdSubtree
     nodes_[i] = built.nodes[i];
     if (!nodes_[i].IsLeaf()) continue;
     nodes_[i].first = uint32_t(blocks);
-    blocks += LeafBlocks::BlocksOf(nodes_[i].count());
+    blocks += LeafBlocks<>::BlocksOf(nodes_[i].count());
     if (nodes_[i].count() > 0) leaves.push_back(uint32_t(i));
   }
   if (blocks > UINT32_MAX) throw std::runtime_error("the kd-tree has too many leaves");
   const uint64_t bytes =
-      nodes_.bytes() + leaves.size() * sizeof(uint32_t) + blocks * sizeof(LeafBlocks::Block);
+      nodes_.bytes() + leaves.size() * sizeof(uint32_t) + blocks * sizeof(LeafBlocks<>::Block);
   if (memory_limit > 0 && built.bytes() + bytes > memory_limit)
     throw std::runtime_error("the kd-tree exceeds the memory limit");
 
-  blocks_ = LeafBlocks(geometry, blocks);
+  blocks_ = LeafBlocks<>(geometry, blocks);
   ParallelFor(Range<size_t>(0, leaves.size(), 1024), [&](const auto& range) {
-    for (size_t i = range.begin(); i < range.end(); ++i) {
+    blocks_.Fill(range.begin(), range.end(), [&](size_t i) {
       const KdNode& leaf = nodes_[leaves[i]];
-      blocks_.Fill(leaf.first, {&built.prims[built.nodes[leaves[i]].first], leaf.count()});
-    }
+      return std::pair(leaf.first, std::span(&built.prims[built.nodes[leaves[i]].first], leaf.count()));
+    });
   });
 }
 

@@ -113,7 +113,7 @@ class KdTree {
 
   rb_geometry geometry_{};
   HugeArray<KdNode> nodes_;
-  LeafBlocks blocks_;
+  LeafBlocks<> blocks_;
   Bounds3 cell_;
 };
 

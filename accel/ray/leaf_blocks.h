@@ -1,10 +1,10 @@
-// The primitives of leaves, copied for traversal: blocks of four triangles, lane by lane, that the shared
-// tests take at once. A leaf is (first block, number of primitives); the lanes behind its last primitive
-// repeat it.
+// The primitives of leaves, copied for traversal: blocks of as many triangles as there are lanes, one lane
+// each, that the shared tests take at once. A leaf is (first block, number of primitives); the lanes behind
+// its last primitive repeat it.
 //
-// Block, 160 bytes:
+// Block, 40 bytes a lane:
 //
-//     v: corner 0..2, axis 0..2, four lanes | prim: four ids
+//     v: corner 0..2, axis 0..2, a float a lane | prim: an id a lane
 //
 // Space partitions refer to a primitive from many cells. A mailbox keeps a ray from testing it again: here a
 // small table for each ray, so that nothing is shared between threads (inverse mailboxing: Shevtsov,
@@ -14,6 +14,7 @@
 
 #include <cstring>
 #include <span>
+#include <utility>
 
 #include "accel/base/huge_array.h"
 #include "accel/base/simd.h"
@@ -24,7 +25,10 @@ namespace raybench {
 /// No mailbox: every reference is tested.
 struct NoMailbox {
   static constexpr bool kKeeps = false;
-  unsigned Unseen(const uint32_t (&)[4]) const { return 15; }
+  template <size_t kLanes>
+  unsigned Unseen(const uint32_t (&)[kLanes]) const {
+    return kAllLanes<kLanes>;
+  }
 };
 
 /// Remembers the primitives that the ray was tested against, as far as they do not drive each other out.
@@ -34,9 +38,10 @@ class Mailbox {
   Mailbox() { std::memset(seen_, 0xFF, sizeof seen_); }  // RAYBENCH_NONE everywhere
 
   /// Bit i: prim[i] has perhaps not been tested. From now on it has.
-  unsigned Unseen(const uint32_t (&prim)[4]) {
+  template <size_t kLanes>
+  unsigned Unseen(const uint32_t (&prim)[kLanes]) {
     unsigned unseen = 0;
-    for (unsigned i = 0; i < 4; ++i) {
+    for (unsigned i = 0; i < kLanes; ++i) {
       uint32_t& slot = seen_[prim[i] % kSize];
       unseen |= unsigned(slot != prim[i]) << i;
       slot = prim[i];
@@ -49,14 +54,16 @@ class Mailbox {
   uint32_t seen_[kSize];
 };
 
+/// kWidth: a multiple of four.
+template <uint32_t kWidth = 4>
 class LeafBlocks {
  public:
-  static constexpr uint32_t kLanes = 4;
-  struct alignas(16) Block {
+  static constexpr uint32_t kLanes = kWidth;
+  struct alignas(4 * kLanes) Block {
     float v[3][3][kLanes];  // corner, axis, lane
     uint32_t prim[kLanes];
   };
-  static_assert(sizeof(Block) == 160);
+  static_assert(kLanes % 4 == 0 && sizeof(Block) == 40 * kLanes);
 
   LeafBlocks() = default;
   LeafBlocks(const rb_geometry& geometry, size_t blocks) : geometry_(geometry), blocks_(blocks) {}
@@ -65,33 +72,60 @@ class LeafBlocks {
 
   /// Copies a leaf's primitives, at least one, to the blocks from `first` on.
   void Fill(size_t first, std::span<const uint32_t> prims) {
-    const size_t padded = BlocksOf(prims.size()) * kLanes;
-    for (size_t k = 0; k < padded; ++k) {
-      const uint32_t prim = prims[std::min(k, prims.size() - 1)];
+    const size_t last = prims.size() - 1;
+    for (size_t k = 0; k < prims.size(); k += kLanes) {
       Block& block = blocks_[first + k / kLanes];
-      block.prim[k % kLanes] = prim;
+      for (uint32_t lane = 0; lane < kLanes; ++lane) block.prim[lane] = prims[std::min(k + lane, last)];
       for (int c = 0; c < 3; ++c) {
-        // Lanes of procedural primitives hold no vertices.
-        const Vec3f v = prim < geometry_.triangle_count ? Vertex(geometry_, prim, c) : Vec3f{0, 0, 0};
-        for (int a = 0; a < 3; ++a) block.v[c][a][k % kLanes] = v[a];
+        auto corner = [&](uint32_t lane) {
+          // Lanes of procedural primitives hold no vertices.
+          const uint32_t prim = block.prim[lane];
+          return prim < geometry_.triangle_count
+                     ? Load<Float4>(geometry_.positions[geometry_.triangles[prim][c]])
+                     : Float4{};
+        };
+        for (uint32_t lane = 0; lane < kLanes; lane += 4)
+          StoreTransposed(corner(lane), corner(lane + 1), corner(lane + 2), corner(lane + 3), block.v[c],
+                          lane);
       }
+    }
+  }
+
+  /// Fills leaves `begin` to `end` - 1; leaf(i): (first block, primitives) of leaf i. Vertices stand anywhere:
+  /// they are asked for some leaves ahead, in two steps, since their numbers do too.
+  template <class Leaf>
+  void Fill(size_t begin, size_t end, const Leaf& leaf) {
+    constexpr size_t kAhead = 8;
+    auto each_triangle = [&](size_t i, auto&& fn) {
+      if (i >= end) return;
+      for (const uint32_t prim : leaf(i).second)
+        if (prim < geometry_.triangle_count) fn(geometry_.triangles[prim]);
+    };
+    for (size_t i = begin; i < end; ++i) {
+      each_triangle(i + 2 * kAhead, [](const uint32_t* corners) { __builtin_prefetch(corners); });
+      each_triangle(i + kAhead, [&](const uint32_t* corners) {
+        for (int c = 0; c < 3; ++c) __builtin_prefetch(geometry_.positions[corners[c]]);
+      });
+      const auto [first, prims] = leaf(i);
+      Fill(first, prims);
     }
   }
 
   uint32_t prim(size_t first, uint32_t i) const { return blocks_[first + i / kLanes].prim[i % kLanes]; }
 
-  /// Tests a leaf of `count` primitives. True if `best` changed; then kAnyHit returns at once.
+  /// Tests a leaf of `count` primitives. True if `best` changed; then kAnyHit returns at once. Inlined whatever
+  /// the compiler thinks of it: it would choose differently for one structure and another.
   template <bool kProcedural, bool kAnyHit, class Test, class Counter, class Box>
-  bool Intersect(size_t first, uint32_t count, const RayState<Test>& ray, rb_hit& best, Counter& counter,
-                 Box&& mailbox) const {
+  [[gnu::always_inline]] bool Intersect(size_t first, uint32_t count, const RayState<Test>& ray, rb_hit& best,
+                                        Counter& counter, Box&& mailbox) const {
     bool changed = false;
     const Block* block = &blocks_[first];
     for (uint32_t left = count;; ++block) {
-      unsigned candidates = left < kLanes ? (1u << left) - 1 : 15u;
+      unsigned candidates = (1u << std::min(left, kLanes)) - 1;
       candidates &= mailbox.Unseen(block->prim);
       if (!std::remove_reference_t<Box>::kKeeps || candidates != 0) {
         counter.Prims(uint64_t(__builtin_popcount(candidates)), sizeof(Block));
-        if constexpr (!kProcedural) candidates &= ray.test.MayHit(Lanes{block->v});
+        if constexpr (!kProcedural) candidates &= ray.test.MayHit(Lanes<kLanes>{block->v});
         for (; candidates != 0; candidates &= candidates - 1) {
           const int i = __builtin_ctz(candidates);
           if constexpr (kProcedural) {
@@ -122,6 +156,19 @@ class LeafBlocks {
   bool needs_geometry() const { return geometry_.procedural_count > 0; }
 
  private:
+  /// The first three lanes of four vectors, one row an axis, from `lane` on.
+  static void StoreTransposed(Float4 p0, Float4 p1, Float4 p2, Float4 p3, float (&rows)[3][kLanes],
+                              uint32_t lane) {
+    const Float4 xy01 = __builtin_shufflevector(p0, p1, 0, 4, 1, 5),
+                 xy23 = __builtin_shufflevector(p2, p3, 0, 4, 1, 5),
+                 z01 = __builtin_shufflevector(p0, p1, 2, 6, 2, 6),
+                 z23 = __builtin_shufflevector(p2, p3, 2, 6, 2, 6);
+    const Float4 out[3] = {__builtin_shufflevector(xy01, xy23, 0, 1, 4, 5),
+                           __builtin_shufflevector(xy01, xy23, 2, 3, 6, 7),
+                           __builtin_shufflevector(z01, z23, 0, 1, 4, 5)};
+    for (int a = 0; a < 3; ++a) std::memcpy(&rows[a][lane], &out[a], sizeof out[a]);
+  }
+
   rb_geometry geometry_{};
   HugeArray<Block> blocks_;
 };

@@ -1,6 +1,6 @@
 // The ray-triangle tests that all structures share, one class each, chosen by the build parameter `numerics`.
 //
-// Each test offers MayHit, a filter over four triangles at once, and Intersect, which decides. MayHit never
+// Each test offers MayHit, a filter over some triangles at once, and Intersect, which decides. MayHit never
 // rejects what Intersect accepts: it computes the same in the same order, or allows for the difference.
 //
 //   fast        Moeller-Trumbore in float: leaks
@@ -36,10 +36,11 @@ constexpr rb_param NumericsParam(size_t offset) {
                      RB_PARAM_APPROXIMATE);
 }
 
-/// Vertex access for MayHit: corner, axis -> the coordinate of four triangles.
+/// Vertex access for MayHit: corner, axis -> the coordinate of kWidth triangles.
+template <int kWidth>
 struct Lanes {
-  const float (*v)[3][4];  ///< [corner][axis][lane]
-  Float4 operator()(int corner, int axis) const { return Load<Float4>(v[corner][axis]); }
+  const float (*v)[3][kWidth];  ///< [corner][axis][lane]
+  FloatN<kWidth> operator()(int corner, int axis) const { return Load<FloatN<kWidth>>(v[corner][axis]); }
 };
 /// The same for one triangle.
 struct Corners {
@@ -89,7 +90,10 @@ class FastTest {
   }
 
   /// Bit i: triangle i may be hit.
-  unsigned MayHit(Lanes v) const { return Mask(Inside(Compute<Float4>(v))); }
+  template <int kWidth>
+  unsigned MayHit(Lanes<kWidth> v) const {
+    return Mask(Inside(Compute<FloatN<kWidth>>(v)));
+  }
 
   bool Intersect(Vec3f p0, Vec3f p1, Vec3f p2, PrimHit& hit) const {
     const Terms<float> k = Compute<float>(Corners{{p0, p1, p2}});
@@ -166,8 +170,9 @@ struct RayShear {
     y = (py - org[ky]) - sy * z;
   }
 
-  /// The sheared vertex by which tests decide; where all are in double, x and y are in units of dir[kz].
-  Vec3d Point(Vec3f p) const {
+  /// The sheared vertex by which tests decide; where all are in double, x and y are in units of dir[kz]. GCC
+  /// inlines two of a triangle's three by itself, or all.
+  [[gnu::always_inline]] Vec3d Point(Vec3f p) const {
     if (std::isnan(sx)) [[unlikely]]
       return PointInDouble(p);
     const float z = p[kz] - org[kz];
@@ -225,15 +230,17 @@ class WatertightTest {
   explicit WatertightTest(const rb_ray& ray) : shear_(ray) {}
 
   /// Bit i: triangle i may be hit. A non-zero difference of rounded products has the right sign.
-  unsigned MayHit(Lanes p) const {
-    Float4 x[3], y[3], z;
+  template <int kWidth>
+  unsigned MayHit(Lanes<kWidth> p) const {
+    using F = FloatN<kWidth>;
+    F x[3], y[3], z;
     for (int i = 0; i < 3; ++i)
       shear_.Apply(p(i, shear_.kx), p(i, shear_.ky), p(i, shear_.kz), x[i], y[i], z);
-    const Float4 u = x[2] * y[1] - y[2] * x[1], v = x[0] * y[2] - y[0] * x[2], w = x[1] * y[0] - y[1] * x[0];
+    const F u = x[2] * y[1] - y[2] * x[1], v = x[0] * y[2] - y[0] * x[2], w = x[1] * y[0] - y[1] * x[0];
     constexpr float kTiny = RayShear::kTiny;
     const auto negative = (u < -kTiny) | (v < -kTiny) | (w < -kTiny);
     const auto positive = (u > kTiny) | (v > kTiny) | (w > kTiny);
-    return ~Mask(negative & positive) & 15u;
+    return ~Mask(negative & positive) & kAllLanes<kWidth>;
   }
 
   bool Intersect(Vec3f p0, Vec3f p1, Vec3f p2, PrimHit& hit) const {
@@ -255,20 +262,22 @@ class BoundedFilter {
   explicit BoundedFilter(const rb_ray& ray) : shear_(ray) {}
 
   /// Bit i: triangle i may be hit.
-  unsigned MayHit(Lanes p) const {
-    Float4 x[3], y[3], reach{}, across{};
+  template <int kWidth>
+  unsigned MayHit(Lanes<kWidth> p) const {
+    using F = FloatN<kWidth>;
+    F x[3], y[3], reach{}, across{};
     for (int i = 0; i < 3; ++i) {
-      Float4 z;
-      const Float4 px = p(i, shear_.kx), py = p(i, shear_.ky), pz = p(i, shear_.kz);
+      F z;
+      const F px = p(i, shear_.kx), py = p(i, shear_.ky), pz = p(i, shear_.kz);
       shear_.Apply(px, py, pz, x[i], y[i], z);
       reach = MaxOrSecond(Abs(px - shear_.org[shear_.kx]) + Abs(py - shear_.org[shear_.ky]) + Abs(z), reach);
       across = MaxOrSecond(MaxOrSecond(Abs(x[i]), Abs(y[i])), across);
     }
-    const Float4 bound = reach * (across + reach * 0x1p-22f) * 0x1p-19f + 0x1p-140f;
-    const Float4 u = x[2] * y[1] - y[2] * x[1], v = x[0] * y[2] - y[0] * x[2], w = x[1] * y[0] - y[1] * x[0];
+    const F bound = reach * (across + reach * 0x1p-22f) * 0x1p-19f + 0x1p-140f;
+    const F u = x[2] * y[1] - y[2] * x[1], v = x[0] * y[2] - y[0] * x[2], w = x[1] * y[0] - y[1] * x[0];
     const auto negative = (u < -bound) | (v < -bound) | (w < -bound);
     const auto positive = (u > bound) | (v > bound) | (w > bound);
-    return ~Mask(negative & positive) & 15u;
+    return ~Mask(negative & positive) & kAllLanes<kWidth>;
   }
 
  protected:

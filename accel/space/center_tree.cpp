@@ -80,7 +80,7 @@ class Builder {
         node.first = result_.refs.size(), node.count = uint32_t(held);
         result_.refs.insert(result_.refs.end(), refs_.begin() + ptrdiff_t(o.begin),
                             refs_.begin() + ptrdiff_t(o.end));
-        blocks_ += LeafBlocks::BlocksOf(held);
+        blocks_ += LeafBlocks<>::BlocksOf(held);
         continue;
       }
       const auto child = uint32_t(result_.nodes.size());
@@ -209,7 +209,7 @@ class Builder {
       throw std::runtime_error("more than 2^32 references: lower depth or growth");
     const uint64_t bytes = insertion_.bytes() + result_.nodes.size() * (sizeof(CenterTree::Node) + 64) +
                            (refs_.size() + refs) * sizeof(uint32_t) + masks_.size() +
-                           (blocks_ + LeafBlocks::BlocksOf(open_refs)) * sizeof(LeafBlocks::Block);
+                           (blocks_ + LeafBlocks<>::BlocksOf(open_refs)) * sizeof(LeafBlocks<>::Block);
     if (build_.memory_limit > 0 && bytes > build_.memory_limit)
       throw std::runtime_error(
           fmt::format("building needs more than {} MiB, the memory limit", build_.memory_limit >> 20));
@@ -253,15 +253,15 @@ CenterLeaves::CenterLeaves(const rb_geometry& geometry, const CenterTree& tree)
         large_.push_back(leaf);
       }
       leaves.push_back(slot);
-      blocks += LeafBlocks::BlocksOf(node.count);
+      blocks += LeafBlocks<>::BlocksOf(node.count);
     }
   }
-  blocks_ = LeafBlocks(geometry, blocks);
+  blocks_ = LeafBlocks<>(geometry, blocks);
   ParallelFor(Range<size_t>(0, leaves.size(), 1024), [&](const auto& range) {
-    for (size_t i = range.begin(); i < range.end(); ++i) {
+    blocks_.Fill(range.begin(), range.end(), [&](size_t i) {
       const CenterTree::Node& node = tree.nodes[leaves[i]];
-      blocks_.Fill(Of(children_[leaves[i]]).block, std::span(tree.refs).subspan(node.first, node.count));
-    }
+      return std::pair(Of(children_[leaves[i]]).block, std::span(tree.refs).subspan(node.first, node.count));
+    });
   });
 }
 

@@ -100,7 +100,7 @@ class CenterLeaves {
     return c.count == CenterChild::kLarge ? large_[c.index] : Leaf{c.index, c.count};
   }
 
-  LeafBlocks blocks_;
+  LeafBlocks<> blocks_;
   std::vector<Leaf> large_;
   std::vector<CenterChild> children_;
   std::vector<uint32_t> inner_;

@@ -200,10 +200,10 @@ class Builder {
     uint64_t references = 0, blocks = 0;
     size_t filled = 0;
     for (uint32_t count : ends)
-      references += count, blocks += LeafBlocks::BlocksOf(count), filled += count > 0;
-    Account(
-        references * sizeof(uint32_t) + blocks * sizeof(LeafBlocks::Block) + filled * sizeof(VoxelGrid::Cell),
-        references);
+      references += count, blocks += LeafBlocks<>::BlocksOf(count), filled += count > 0;
+    Account(references * sizeof(uint32_t) + blocks * sizeof(LeafBlocks<>::Block) +
+                filled * sizeof(VoxelGrid::Cell),
+            references);
 
     part.tiles.resize(level.Tiles());
     part.cells.reserve(filled);
@@ -353,12 +353,12 @@ VoxelGrid::VoxelGrid(const rb_geometry& geometry, const rb_build_options& option
       if (to.count == kInner) {
         to.first += uint32_t(first_inside[i]);
       } else {
-        to.first = uint32_t(block), block += LeafBlocks::BlocksOf(to.count);
+        to.first = uint32_t(block), block += LeafBlocks<>::BlocksOf(to.count);
       }
     }
     first_block[i + 1] = block;
   }
-  blocks_ = LeafBlocks(geometry, first_block.back());
+  blocks_ = LeafBlocks<>(geometry, first_block.back());
   ParallelFor(Range<size_t>(0, placed.size(), 1), [&](const auto& range) {
     for (size_t i = range.begin(); i < range.end(); ++i) {
       const Part& part = *placed[i].part;

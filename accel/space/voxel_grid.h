@@ -165,7 +165,7 @@ class VoxelGrid {
   std::vector<Level> levels_;  // the outermost first
   HugeArray<Tile> tiles_;
   HugeArray<Cell> cells_;
-  LeafBlocks blocks_;
+  LeafBlocks<> blocks_;
 };
 
 /// One ray on its way. All functions return true to end it: a hit, where any one will do.

@@ -345,46 +345,10 @@ TEST(KdBuild, MemoryLimitAndCancelEndTheBuild) {
   }
 }
 
-/// Balls as procedural primitives, by the quadratic formula in double.
-struct Balls {
-  struct Ball {
-    Vec3d at;
-    double radius;
-  };
-  std::vector<Ball> balls;
-
-  static void Bounds(const void* user, uint64_t i, float lo[3], float hi[3]) {
-    const Ball& b = static_cast<const Balls*>(user)->balls[i];
-    for (int a = 0; a < 3; ++a) {
-      lo[a] = std::nextafter(float(b.at[a] - b.radius), -INFINITY);
-      hi[a] = std::nextafter(float(b.at[a] + b.radius), INFINITY);
-    }
-  }
-  static int Intersect(const void* user, uint64_t i, uint32_t, const rb_ray* ray, rb_hit* hit) {
-    const Ball& b = static_cast<const Balls*>(user)->balls[i];
-    const Vec3d o = ToDouble(LoadVec3(ray->org)) - b.at, d = ToDouble(LoadVec3(ray->dir));
-    const double dd = Dot(d, d), od = Dot(o, d), root = od * od - dd * (Dot(o, o) - b.radius * b.radius);
-    if (root < 0) return 0;
-    for (double t : {(-od - std::sqrt(root)) / dd, (-od + std::sqrt(root)) / dd}) {
-      if (float(t) <= ray->tnear || float(t) > ray->tfar) continue;
-      *hit = {float(t), 0, 0, RAYBENCH_NONE};
-      return 1;
-    }
-    return 0;
-  }
-};
-
 TEST(KdTree, AnswersAsBruteForceAmongProceduralPrimitives) {
   Mesh mesh = Needles(40);
-  Balls balls;
-  Random random(2);
-  for (int i = 0; i < 60; ++i)
-    balls.balls.push_back(
-        {random.UnitVector() * (2 * random.NextDouble()), 0.05 + 0.2 * random.NextDouble()});
-  rb_geometry geometry = mesh.Geometry();
-  geometry.procedural_count = balls.balls.size();
-  geometry.procedural_bounds = &Balls::Bounds, geometry.procedural_intersect = &Balls::Intersect;
-  geometry.procedural_user = &balls;
+  const Balls balls(60, 2);
+  const rb_geometry geometry = balls.Geometry(mesh);
   const auto rays = NastyRays(mesh, 400, 1);
   for (const char* numerics : {"watertight", "double", "exact"}) {
     const std::string choice = std::string("(numerics=") + numerics + ")";

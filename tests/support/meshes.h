@@ -108,6 +108,49 @@ inline Mesh Needles(int n) {
   return mesh;
 }
 
+/// Balls as procedural primitives, by the quadratic formula in double.
+struct Balls {
+  struct Ball {
+    Vec3d at;
+    double radius;
+  };
+  std::vector<Ball> balls;
+
+  /// Strewn about the origin.
+  Balls(int count, uint64_t seed) {
+    Random random(seed);
+    for (int i = 0; i < count; ++i)
+      balls.push_back({random.UnitVector() * (2 * random.NextDouble()), 0.05 + 0.2 * random.NextDouble()});
+  }
+  /// Behind a mesh's triangles.
+  rb_geometry Geometry(const Mesh& mesh) const {
+    rb_geometry g = mesh.Geometry();
+    g.procedural_count = balls.size(), g.procedural_user = this;
+    g.procedural_bounds = &Bounds, g.procedural_intersect = &Intersect;
+    return g;
+  }
+
+  static void Bounds(const void* user, uint64_t i, float lo[3], float hi[3]) {
+    const Ball& b = static_cast<const Balls*>(user)->balls[i];
+    for (int a = 0; a < 3; ++a) {
+      lo[a] = std::nextafter(float(b.at[a] - b.radius), -INFINITY);
+      hi[a] = std::nextafter(float(b.at[a] + b.radius), INFINITY);
+    }
+  }
+  static int Intersect(const void* user, uint64_t i, uint32_t, const rb_ray* ray, rb_hit* hit) {
+    const Ball& b = static_cast<const Balls*>(user)->balls[i];
+    const Vec3d o = ToDouble(LoadVec3(ray->org)) - b.at, d = ToDouble(LoadVec3(ray->dir));
+    const double dd = Dot(d, d), od = Dot(o, d), root = od * od - dd * (Dot(o, o) - b.radius * b.radius);
+    if (root < 0) return 0;
+    for (double t : {(-od - std::sqrt(root)) / dd, (-od + std::sqrt(root)) / dd}) {
+      if (float(t) <= ray->tnear || float(t) > ray->tfar) continue;
+      *hit = {float(t), 0, 0, RAYBENCH_NONE};
+      return 1;
+    }
+    return 0;
+  }
+};
+
 inline Bounds3 BoundsOf(const Mesh& mesh) {
   Bounds3 b;
   for (Vec3f p : mesh.positions) b.Extend(p);

@@ -56,7 +56,7 @@ class KdTreeSah : public KdStructure {
                      .axis = KdAxisRule(config.axis),
                      .costs = {.traversal = float(config.traversal_cost),
                                .empty_bonus = float(config.empty_bonus),
-                               .block = LeafBlocks::kLanes},
+                               .block = LeafBlocks<>::kLanes},
                      .bins = uint32_t(config.bins),
                      .leaf_size = uint32_t(config.leaf_size),
                      .max_depth = uint32_t(config.max_depth),

@@ -95,7 +95,7 @@ class EmbreeTopology {
     build.buildQuality = config.quality == 0 ? RTC_BUILD_QUALITY_LOW : RTC_BUILD_QUALITY_MEDIUM;
     build.maxBranchingFactor = unsigned(config.width);
     build.maxDepth = kBuilderDepth;
-    build.sahBlockSize = LeafBlocks::kLanes;
+    build.sahBlockSize = LeafBlocks<>::kLanes;
     build.minLeafSize = 1;
     build.maxLeafSize = unsigned(config.leaf_size);
     build.bvh = bvh.get();
@@ -189,7 +189,7 @@ class EmbreeTopology {
         ref = kLeaf | uint32_t(leaves_.size());
         leaves_.push_back({blocks, p.made->count});
         made_leaves.push_back(static_cast<const MadeLeaf*>(p.made));
-        blocks += uint32_t(LeafBlocks::BlocksOf(p.made->count));
+        blocks += uint32_t(LeafBlocks<>::BlocksOf(p.made->count));
       } else {
         const auto& made = static_cast<const MadeNode&>(*p.made);
         ref = uint32_t(nodes_.size());
@@ -207,7 +207,7 @@ class EmbreeTopology {
         nodes_[p.parent].child[p.side] = ref;
       }
     }
-    blocks_ = LeafBlocks(geometry, blocks);
+    blocks_ = LeafBlocks<>(geometry, blocks);
     for (size_t i = 0; i < leaves_.size(); ++i)
       blocks_.Fill(leaves_[i].block, {made_leaves[i]->prims, leaves_[i].count});
   }
@@ -286,7 +286,7 @@ class EmbreeTopology {
   Bounds3 bounds_;
   std::vector<Node> nodes_;
   std::vector<Leaf> leaves_;
-  LeafBlocks blocks_;
+  LeafBlocks<> blocks_;
 };
 
 }  // namespace
