@@ -33,7 +33,15 @@
 namespace raybench {
 namespace {
 
-class Octree : public CenterStructure<Octree> {
+struct alignas(64) OctreeNode {
+  float center[3];
+  uint32_t filled;
+  uint32_t child[8];
+  uint16_t count[8];
+};
+static_assert(sizeof(OctreeNode) == 64);
+
+class Octree : public CenterStructure<Octree, OctreeNode> {
  public:
   struct Config {
     double growth, references;
@@ -55,23 +63,11 @@ class Octree : public CenterStructure<Octree> {
 
   Octree(const rb_geometry& geometry, const rb_build_options& options, const Config& config)
       : CenterStructure(geometry, config) {
-    Build(
-        options, config, [](const Insertion&) { return CenterTreeOptions(); },
-        [&](const CenterTree& tree) { LayOut(tree); });
+    Build(options, config, [](const Insertion&) { return CenterTreeOptions(); });
   }
-
-  MemoryUse Memory() const { return {nodes_.bytes(), leaves_.bytes(), geometry_.procedural_count > 0}; }
 
  private:
   friend CenterStructure;
-
-  struct alignas(64) Node {
-    float center[3];
-    uint32_t filled;
-    uint32_t child[8];
-    uint16_t count[8];
-  };
-  static_assert(sizeof(Node) == 64);
 
   /// A cell on the way of a ray: t of the planes by which it enters and leaves, by axis.
   struct Entry {
@@ -89,20 +85,14 @@ class Octree : public CenterStructure<Octree> {
   };
   static constexpr size_t kStack = 7 * kMaxCenterDepth + 8;
 
-  void LayOut(const CenterTree& tree) {
-    nodes_ = HugeArray<Node>(leaves_.inner().size());
-    for (size_t i = 0; i < nodes_.size(); ++i) {
-      const CenterTree::Node& from = tree.nodes[leaves_.inner()[i]];
-      Node& node = nodes_[i];
-      node.filled = 0;
-      for (int a = 0; a < 3; ++a) node.center[a] = CenterOf(from.box, a);
-      for (uint32_t k = 0; k < 8; ++k) {
-        const CenterChild child = leaves_.Child(from.child + k);
-        node.child[k] = child.index, node.count[k] = child.count;
-        node.filled |= uint32_t(child.count != CenterChild::kEmpty) << k;
-      }
-    }
-    leaves_.Forget();
+  void LayOut(const CenterTree&, const CenterTree::Node& from, OctreeNode& node) const {
+    node.filled = 0;
+    for (int a = 0; a < 3; ++a) node.center[a] = CenterOf(from.box, a);
+    for (uint32_t k = 0; k < 8; ++k) node.filled |= uint32_t(node.count[k] != CenterChild::kEmpty) << k;
+  }
+  Bounds3 ChildBox(const OctreeNode& node, uint32_t k, Bounds3 box) const {
+    for (int a = 0; a < 3; ++a) ((k >> a & 1) != 0 ? box.lo : box.hi)[a] = node.center[a];
+    return box;
   }
 
   /// Bit r of the result is bit (r xor signs) of `bits`.
@@ -144,8 +134,8 @@ class Octree : public CenterStructure<Octree> {
     for (;;) {
       CenterChild ref = now.ref();
       while (ref.count == CenterChild::kInner) {
-        const Node& node = nodes_[ref.index];
-        counter.Step(sizeof(Node));
+        const OctreeNode& node = nodes_[ref.index];
+        counter.Step(sizeof node);
         counter.Bounds(3);
         const Float4 from_org = Float4(Int4(Load<Float4>(node.center)) & Int4{-1, -1, -1, 0}) - org;
         const Float4 enter2 = from_org * inv_enter, leave2 = from_org * inv_leave;
@@ -203,29 +193,6 @@ class Octree : public CenterStructure<Octree> {
     counter.Step(0);
     counter.Leaf(true);
   }
-
-  template <class Fn>
-  int VisitBelow(CenterChild ref, const Bounds3& box, uint32_t depth, Fn& node,
-                 std::vector<uint32_t>& prims) const {
-    const float bounds[6] = {box.lo.x, box.lo.y, box.lo.z, box.hi.x, box.hi.y, box.hi.z};
-    rb_node shown{depth, 0, 1, RB_SHAPE_BOX, bounds, 6, 0, nullptr};
-    if (ref.count != CenterChild::kInner) {
-      prims.clear();
-      leaves_.Append(ref, prims);
-      shown.is_leaf = 1, shown.prim_count = uint32_t(prims.size()), shown.prims = prims.data();
-      return node(shown);
-    }
-    if (int stop = node(shown)) return stop;
-    const Node& n = nodes_[ref.index];
-    for (uint32_t k = 0; k < 8; ++k) {
-      Bounds3 child = box;
-      for (int a = 0; a < 3; ++a) ((k >> a & 1) != 0 ? child.lo : child.hi)[a] = n.center[a];
-      if (int stop = VisitBelow({n.child[k], n.count[k]}, child, depth + 1, node, prims)) return stop;
-    }
-    return 0;
-  }
-
-  HugeArray<Node> nodes_;
 };
 
 }  // namespace

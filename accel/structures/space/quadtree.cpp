@@ -46,7 +46,15 @@ int HeightAxis(const Insertion& insertion) {
   return axis;
 }
 
-class Quadtree : public CenterStructure<Quadtree> {
+struct alignas(64) QuadtreeNode {
+  float lower[4], upper[4];
+  float center[2];
+  uint32_t child[4];
+  uint16_t count[4];
+};
+static_assert(sizeof(QuadtreeNode) == 64);
+
+class Quadtree : public CenterStructure<Quadtree, QuadtreeNode> {
  public:
   struct Config {
     double growth, references;
@@ -74,28 +82,15 @@ class Quadtree : public CenterStructure<Quadtree> {
 
   Quadtree(const rb_geometry& geometry, const rb_build_options& options, const Config& config)
       : CenterStructure(geometry, config) {
-    Build(
-        options, config,
-        [&](const Insertion& insertion) {
-          const int height = config.axis == 0 ? HeightAxis(insertion) : int(config.axis) - 1;
-          for (int k = 0; k < 3; ++k) axes_[k] = (height + 1 + k) % 3;
-          return CenterTreeOptions{.axes = {axes_[0], axes_[1], axes_[2]}, .axis_count = 2};
-        },
-        [&](const CenterTree& tree) { LayOut(tree); });
+    Build(options, config, [&](const Insertion& insertion) {
+      const int height = config.axis == 0 ? HeightAxis(insertion) : int(config.axis) - 1;
+      for (int k = 0; k < 3; ++k) axes_[k] = (height + 1 + k) % 3;
+      return CenterTreeOptions{.axes = {axes_[0], axes_[1], axes_[2]}, .axis_count = 2};
+    });
   }
-
-  MemoryUse Memory() const { return {nodes_.bytes(), leaves_.bytes(), geometry_.procedural_count > 0}; }
 
  private:
   friend CenterStructure;
-
-  struct alignas(64) Node {
-    float lower[4], upper[4];
-    float center[2];
-    uint32_t child[4];
-    uint16_t count[4];
-  };
-  static_assert(sizeof(Node) == 64);
 
   /// A cell on the way of a ray: t of the planes by which it enters and leaves it along both axes.
   struct Entry {
@@ -105,20 +100,21 @@ class Quadtree : public CenterStructure<Quadtree> {
   };
   static constexpr size_t kStack = 3 * kMaxCenterDepth + 4;
 
-  void LayOut(const CenterTree& tree) {
-    nodes_ = HugeArray<Node>(leaves_.inner().size());
-    for (size_t i = 0; i < nodes_.size(); ++i) {
-      const CenterTree::Node& from = tree.nodes[leaves_.inner()[i]];
-      Node& node = nodes_[i];
-      for (int k = 0; k < 2; ++k) node.center[k] = CenterOf(from.box, axes_[k]);
-      for (uint32_t k = 0; k < 4; ++k) {
-        const Bounds3& box = tree.nodes[from.child + k].box;
-        const CenterChild child = leaves_.Child(from.child + k);
-        node.lower[k] = box.lo[axes_[2]], node.upper[k] = box.hi[axes_[2]];
-        node.child[k] = child.index, node.count[k] = child.count;
-      }
+  void LayOut(const CenterTree& tree, const CenterTree::Node& from, QuadtreeNode& node) const {
+    for (int k = 0; k < 2; ++k) node.center[k] = CenterOf(from.box, axes_[k]);
+    for (uint32_t k = 0; k < 4; ++k) {
+      const Bounds3& box = tree.nodes[from.child + k].box;
+      node.lower[k] = box.lo[axes_[2]], node.upper[k] = box.hi[axes_[2]];
     }
-    leaves_.Forget();
+  }
+  /// An empty cell has no height: it is shown flat.
+  Bounds3 ChildBox(const QuadtreeNode& node, uint32_t k, Bounds3 box) const {
+    for (int a = 0; a < 2; ++a) ((k >> a & 1) != 0 ? box.lo : box.hi)[axes_[a]] = node.center[a];
+    const int z = axes_[2];
+    const bool empty = !(node.lower[k] <= node.upper[k]);
+    box.hi[z] = empty ? box.lo[z] : node.upper[k];
+    if (!empty) box.lo[z] = node.lower[k];
+    return box;
   }
 
   template <bool kProcedural, bool kAnyHit, class Test, class Counter>
@@ -145,8 +141,8 @@ class Quadtree : public CenterStructure<Quadtree> {
     NoMailbox none;
     for (;;) {
       while (now.ref.count == CenterChild::kInner) {
-        const Node& node = nodes_[now.ref.index];
-        counter.Step(sizeof(Node));
+        const QuadtreeNode& node = nodes_[now.ref.index];
+        counter.Step(sizeof node);
         counter.Bounds(4);
         const float dx = node.center[0] - slab.org[x], dy = node.center[1] - slab.org[y];
         const float enter_x = dx * slab.inv_near[x], leave_x = dx * slab.inv_far[x];
@@ -193,32 +189,7 @@ class Quadtree : public CenterStructure<Quadtree> {
     }
   }
 
-  template <class Fn>
-  int VisitBelow(CenterChild ref, const Bounds3& box, uint32_t depth, Fn& node,
-                 std::vector<uint32_t>& prims) const {
-    const float bounds[6] = {box.lo.x, box.lo.y, box.lo.z, box.hi.x, box.hi.y, box.hi.z};
-    rb_node shown{depth, 0, 1, RB_SHAPE_BOX, bounds, 6, 0, nullptr};
-    if (ref.count != CenterChild::kInner) {
-      prims.clear();
-      leaves_.Append(ref, prims);
-      shown.is_leaf = 1, shown.prim_count = uint32_t(prims.size()), shown.prims = prims.data();
-      return node(shown);
-    }
-    if (int stop = node(shown)) return stop;
-    const Node& n = nodes_[ref.index];
-    for (uint32_t k = 0; k < 4; ++k) {
-      Bounds3 child = box;
-      for (int a = 0; a < 2; ++a) ((k >> a & 1) != 0 ? child.lo : child.hi)[axes_[a]] = n.center[a];
-      // An empty cell has no height: it is shown flat.
-      child.lo[axes_[2]] = n.lower[k] <= n.upper[k] ? n.lower[k] : box.lo[axes_[2]];
-      child.hi[axes_[2]] = n.lower[k] <= n.upper[k] ? n.upper[k] : box.lo[axes_[2]];
-      if (int stop = VisitBelow({n.child[k], n.count[k]}, child, depth + 1, node, prims)) return stop;
-    }
-    return 0;
-  }
-
   int axes_[3] = {0, 1, 2};  // the two that are cut, then that of height
-  HugeArray<Node> nodes_;
 };
 
 }  // namespace
