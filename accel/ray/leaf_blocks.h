@@ -121,7 +121,7 @@ class LeafBlocks {
     bool changed = false;
     const Block* block = &blocks_[first];
     for (uint32_t left = count;; ++block) {
-      unsigned candidates = left < kLanes ? (1u << left) - 1 : kAllLanes<kLanes>;
+      unsigned candidates = (1u << std::min(left, kLanes)) - 1;
       candidates &= mailbox.Unseen(block->prim);
       if (!std::remove_reference_t<Box>::kKeeps || candidates != 0) {
         counter.Prims(uint64_t(__builtin_popcount(candidates)), sizeof(Block));

@@ -11,6 +11,8 @@
 // All but `fast` are right down to subnormal numbers, of vertices, origins and directions alike.
 #pragma once
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -170,8 +172,9 @@ struct RayShear {
     y = (py - org[ky]) - sy * z;
   }
 
-  /// The sheared vertex by which tests decide; where all are in double, x and y are in units of dir[kz].
-  Vec3d Point(Vec3f p) const {
+  /// The sheared vertex by which tests decide; where all are in double, x and y are in units of dir[kz]. GCC
+  /// inlines two of a triangle's three by itself, or all.
+  [[gnu::always_inline]] Vec3d Point(Vec3f p) const {
     if (std::isnan(sx)) [[unlikely]]
       return PointInDouble(p);
     const float z = p[kz] - org[kz];
@@ -196,6 +199,25 @@ struct RayShear {
   }
 };
 
+/// t of the ray in the triangle's plane, measured from the vertex that is nearest to the origin, and, since a
+/// ray that all but lies in the plane may meet it anywhere, not beyond the vertices. `otherwise` if the triangle
+/// has no plane.
+[[gnu::noinline]] inline double PlaneT(const RayShear& ray, const Vec3d (&a)[3],
+                                       const std::array<Vec3f, 3>& p, double otherwise) {
+  const Vec3d org = ToDouble(ray.org),
+              from[3] = {ToDouble(p[0]) - org, ToDouble(p[1]) - org, ToDouble(p[2]) - org};
+  const Vec3d normal = Cross(from[1] - from[0], from[2] - from[0]);
+  const double along = Dot(normal, ToDouble(ray.dir));
+  if (along == 0) return otherwise;
+  const auto distance = [](Vec3d v) { return std::max({std::fabs(v.x), std::fabs(v.y), std::fabs(v.z)}); };
+  int nearest = 0;
+  for (int k = 1; k < 3; ++k)
+    if (distance(from[k]) < distance(from[nearest])) nearest = k;
+  const double t = Dot(normal, from[nearest]) / along, dz = ray.dir[ray.kz], t0 = a[0].z / dz,
+               t1 = a[1].z / dz, t2 = a[2].z / dz;
+  return std::min(std::max(t, std::min({t0, t1, t2})), std::max({t0, t1, t2}));
+}
+
 /// A triangle of sheared vertices (RayShear) against the z axis, edges included. The signs of the edge
 /// functions, the same two products for both triangles at an edge, are exact given these vertices. t weights
 /// the vertices' z, which suits slivers; where that leaves no more than rounding errors, as for a ray that
@@ -210,15 +232,8 @@ inline bool IntersectSheared(const RayShear& ray, const Vec3d (&a)[3], Vec3f p0,
   if (det == 0) return false;
   const double z = (u * a[0].z + v * a[1].z + w * a[2].z) / det;
   double t = z / double(ray.dir[ray.kz]);
-  if (std::fabs(z) < 0x1p-48 * (std::fabs(a[0].z) + std::fabs(a[1].z) + std::fabs(a[2].z))) {
-    const Vec3d p = ToDouble(p0), normal = Cross(ToDouble(p1) - p, ToDouble(p2) - p);
-    const double along = Dot(normal, ToDouble(ray.dir));
-    if (along != 0) t = Dot(normal, p - ToDouble(ray.org)) / along;
-    // A ray that all but lies in the plane may meet it anywhere, and the triangle only among its vertices.
-    const double t0 = a[0].z / double(ray.dir[ray.kz]), t1 = a[1].z / double(ray.dir[ray.kz]),
-                 t2 = a[2].z / double(ray.dir[ray.kz]);
-    t = std::min(std::max(t, std::min({t0, t1, t2})), std::max({t0, t1, t2}));
-  }
+  if (std::fabs(z) < 0x1p-48 * (std::fabs(a[0].z) + std::fabs(a[1].z) + std::fabs(a[2].z))) [[unlikely]]
+    t = PlaneT(ray, a, {p0, p1, p2}, t);
   hit = {float(t), float(v / det), float(w / det)};
   return true;
 }

@@ -149,7 +149,8 @@ class Grid : public Structure<Fault, Grid<Fault>> {
     for (int a = 0; a < 3; ++a) {
       walls_[a].clear();
       const double lo = box_.lo[a], extent = double(box_.hi[a]) - lo;
-      for (int i = 0; i <= cells_; ++i) walls_[a].push_back(float(lo + extent * i / cells_));
+      for (int i = 0; i < cells_; ++i) walls_[a].push_back(std::min(float(lo + extent * i / cells_), box_.hi[a]));
+      walls_[a].push_back(box_.hi[a]);
     }
   }
 
