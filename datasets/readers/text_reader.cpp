@@ -24,15 +24,6 @@ bool TextReader::NextStatement(std::string_view& key, Words& words) {
   return false;
 }
 
-std::string_view TextReader::NextWord() {
-  while (true) {
-    const std::string_view word = words_.Next();
-    std::string_view line;
-    if (!word.empty() || !lines_.Next(line)) return word;
-    words_ = Words(line);
-  }
-}
-
 float TextReader::Coordinate(std::string_view word, const char* whose, uint64_t index) const {
   float value = 0;
   const Number number = ParseNumber(word, value);

@@ -1,5 +1,5 @@
 // What the readers of text files share: the text and the place in it, the wording of messages, checks of
-// coordinates and corners, and progress. A reader is a class that begins with one of these two.
+// coordinates and corners, and progress. A reader derives from one of these two.
 #pragma once
 
 #include <filesystem>
@@ -30,7 +30,14 @@ class TextReader {
   /// The next line that is neither blank nor a comment: its first word, and the words after that.
   bool NextStatement(std::string_view& key, Words& words);
   /// The next word of the file, empty at its end.
-  std::string_view NextWord();
+  std::string_view NextWord() {
+    while (true) {
+      const std::string_view word = words_.Next();
+      std::string_view line;
+      if (!word.empty() || !lines_.Next(line)) return word;
+      words_ = Words(line);
+    }
+  }
 
   /// The word as a coordinate. `whose`, with {} for the index, is as in "vertex {} has the coordinate". Fails
   /// if it is no number, or not finite and not to be dropped.
