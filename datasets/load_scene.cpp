@@ -42,6 +42,7 @@ Scene ReadModel(const std::filesystem::path& path, const Format& format, const L
                 const ManifestEntry& entry = {}) {
   try {
     Scene scene = format.read(path, options);
+    scene.provenance.source = path.string();
     if (scene.cameras.empty()) scene.cameras = entry.cameras;
     if (scene.lights.empty()) scene.lights = entry.lights;
     scene.Finish(options.drop_bad);

@@ -6,7 +6,7 @@
 #include <optional>
 #include <set>
 
-#include "datasets/scene/text.h"
+#include "datasets/readers/text_reader.h"
 
 namespace raybench {
 namespace {
@@ -93,60 +93,40 @@ constexpr Option kOptions[] = {{"-s", true, 1},       {"-o", true, 0},       {"-
                                {"-clamp", false, 0},  {"-type", false, 0},   {"-imfchan", false, 0},
                                {"-texres", false, 0}};
 
-/// The options and the file's name, which may have blanks, of a texture statement. `skipped` gets the options
-/// that would move or change the picture.
-MtlMap Map(Words words, const std::filesystem::path& folder, std::set<std::string, std::less<>>& skipped) {
-  MtlMap map;
-  for (Words ahead = words;; words = ahead) {
-    const std::string_view name = ahead.Next();
-    const auto* option = std::find_if(std::begin(kOptions), std::end(kOptions),
-                                      [&](const Option& o) { return o.name == name; });
-    if (option == std::end(kOptions)) break;
-    if (!option->numbers) {
-      const std::string_view value = ahead.Next();
-      if (name == "-clamp" && value == "on") map.wrap = TextureWrap::kClampToEdge;
-      continue;
+class MtlReader : TextReader {
+ public:
+  MtlReader(const std::filesystem::path& path, const LoadOptions& options, Scene& scene, MtlLibrary& library)
+      : TextReader(path, ReadText(path), options, scene), library_(library) {}
+
+  void Run() {
+    Words words("");
+    for (std::string_view key; NextStatement(key, words);) {
+      if (key == "newmtl") {
+        CloseMaterial();
+        name_ = words.Rest(), statements_ = {}, is_open_ = true;
+      } else if (is_open_) {
+        Statement(key, words);
+      } else {
+        unused_.Add(fmt::format("{} before the first newmtl", key));
+      }
     }
-    float x;
-    Words next = ahead;
-    for (int i = 0; i < 3 && ParseNumber(next.Next(), x) == Number::kFinite; ++i, ahead = next)
-      if (x != option->identity) skipped.insert(std::string(name));
+    CloseMaterial();
+    if (!ignored_.empty()) Note("textures not applied", Joined(ignored_));
+    if (!skipped_.empty()) Note("options of textures not applied", Joined(skipped_));
+    if (!unused_.empty()) Note("statements not followed", unused_.Text());
+    if (!malformed_.empty()) Note("statements passed over, for their values do not parse", malformed_.Text());
   }
-  std::string file(words.Rest());
-  std::replace(file.begin(), file.end(), '\\', '/');  // as some systems write it
-  if (!file.empty()) map.file = folder / file;
-  return map;
-}
 
-}  // namespace
+ private:
+  void CloseMaterial() {
+    if (!is_open_) return;
+    MtlMaterial& material = library_[name_] = ToModel(statements_);
+    material.material.name = name_;
+  }
 
-void ReadMtl(const std::filesystem::path& path, MtlLibrary& library, std::vector<std::string>& notes) {
-  const std::string text = ReadText(path);
-  std::set<std::string, std::less<>> ignored, skipped;
-  Counts unused, malformed;
-  Statements s;
-  std::string name;
-  bool is_open = false;
-  const auto close = [&] {
-    if (!is_open) return;
-    MtlMaterial& material = library[name] = ToModel(s);
-    material.material.name = name;
-  };
-  std::string_view line;
-  for (Lines lines(text); lines.Next(line);) {
-    Words words(line);
-    const std::string_view key = words.Next();
-    if (key.empty() || key.starts_with('#')) continue;
-    if (key == "newmtl") {
-      close();
-      name = words.Rest(), s = {}, is_open = true;
-      continue;
-    }
-    if (!is_open) {
-      unused.Add(fmt::format("{} before the first newmtl", key));
-      continue;
-    }
-    const auto set = [&](auto& to, const auto& value) { value ? void(to = *value) : malformed.Add(key); };
+  void Statement(std::string_view key, const Words& words) {
+    Statements& s = statements_;
+    const auto set = [&](auto& to, const auto& value) { value ? void(to = *value) : malformed_.Add(key); };
     if (key == "Kd")
       set(s.kd, Color(words, 1));
     else if (key == "Ks")
@@ -166,29 +146,61 @@ void ReadMtl(const std::filesystem::path& path, MtlLibrary& library, std::vector
     else if (key == "illum")
       set(s.illum, Model(words));
     else if (key == "map_Kd")
-      s.map_kd = Map(words, path.parent_path(), skipped);
+      s.map_kd = Map(words);
     else if (key == "map_Ke")
-      s.map_ke = Map(words, path.parent_path(), skipped);
+      s.map_ke = Map(words);
     else if (key.starts_with("map_") || key == "bump" || key == "disp" || key == "decal" || key == "refl" ||
              key == "norm")
-      ignored.insert(std::string(key));
+      ignored_.insert(std::string(key));
     else if (key != "Ka")  // MATERIALS.md
-      unused.Add(key);
+      unused_.Add(key);
   }
-  close();
-  const auto note = [&](const char* what, const auto& items) {
-    if (!items.empty())
-      notes.push_back(
-          OneLine(fmt::format("{}: {}: {}", path.filename().string(), what, fmt::join(items, ", "))));
-  };
-  note("textures not applied", ignored);
-  note("options of textures not applied", skipped);
-  const auto count = [&](const char* what, const Counts& counts) {
-    if (!counts.empty())
-      notes.push_back(OneLine(fmt::format("{}: {}: {}", path.filename().string(), what, counts.Text())));
-  };
-  count("statements not followed", unused);
-  count("statements passed over, for their values do not parse", malformed);
+
+  /// The options and the file's name, which may have blanks, of a texture statement. Options that would move
+  /// or change the picture are noted.
+  MtlMap Map(Words words) {
+    MtlMap map;
+    for (Words ahead = words;; words = ahead) {
+      const std::string_view name = ahead.Next();
+      const auto* option = std::find_if(std::begin(kOptions), std::end(kOptions),
+                                        [&](const Option& o) { return o.name == name; });
+      if (option == std::end(kOptions)) break;
+      if (!option->numbers) {
+        const std::string_view value = ahead.Next();
+        if (name == "-clamp" && value == "on") map.wrap = TextureWrap::kClampToEdge;
+        continue;
+      }
+      float x;
+      Words next = ahead;
+      for (int i = 0; i < 3 && ParseNumber(next.Next(), x) == Number::kFinite; ++i, ahead = next)
+        if (x != option->identity) skipped_.insert(std::string(name));
+    }
+    std::string file(words.Rest());
+    std::replace(file.begin(), file.end(), '\\', '/');  // as some systems write it
+    if (!file.empty()) map.file = path_.parent_path() / file;
+    return map;
+  }
+
+  void Note(const char* what, const std::string& items) {
+    scene_.stats.notes.push_back(OneLine(fmt::format("{}: {}: {}", path_.filename().string(), what, items)));
+  }
+  static std::string Joined(const std::set<std::string, std::less<>>& items) {
+    return fmt::format("{}", fmt::join(items, ", "));
+  }
+
+  MtlLibrary& library_;
+  Statements statements_;
+  std::string name_;
+  bool is_open_ = false;
+  std::set<std::string, std::less<>> ignored_, skipped_;
+  Counts unused_, malformed_;
+};
+
+}  // namespace
+
+void ReadMtl(const std::filesystem::path& path, const LoadOptions& options, Scene& scene,
+             MtlLibrary& library) {
+  MtlReader(path, options, scene, library).Run();
 }
 
 }  // namespace raybench

@@ -5,7 +5,6 @@
 #include <map>
 #include <string>
 #include <tuple>
-#include <vector>
 
 #include "datasets/scene/scene.h"
 
@@ -29,8 +28,9 @@ struct MtlMaterial {
 using MtlLibrary = std::map<std::string, MtlMaterial, std::less<>>;
 
 /// Reads the materials of a file into `library`, by name; of one name the last counts. A statement that does
-/// not parse is passed over. `notes` gets a line for what the file has and the model has not. Throws
-/// InputError: a file that is missing, or no text.
-void ReadMtl(const std::filesystem::path& path, MtlLibrary& library, std::vector<std::string>& notes);
+/// not parse is passed over. The scene gets a note for what the file has and the model has not, and nothing
+/// else. Throws InputError: a file that is missing, or no text.
+void ReadMtl(const std::filesystem::path& path, const LoadOptions& options, Scene& scene,
+             MtlLibrary& library);
 
 }  // namespace raybench

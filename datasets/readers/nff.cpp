@@ -12,16 +12,13 @@
 
 #include <fmt/format.h>
 
-#include <charconv>
 #include <cmath>
-#include <cstdlib>
 #include <cstring>
 #include <numbers>
-#include <string_view>
 
 #include "datasets/readers/readers.h"
+#include "datasets/readers/text_reader.h"
 #include "datasets/scene/tangent.h"
-#include "datasets/scene/text.h"
 
 namespace raybench {
 namespace {
@@ -80,104 +77,78 @@ class VertexTable {
   std::vector<uint32_t> slots_;
 };
 
-class NffReader {
+class NffReader : TextReader {
  public:
-  NffReader(const std::filesystem::path& path, const LoadOptions& options)
-      : path_(path.string()),
-        text_(ReadText(path)),
-        p_(text_.data()),
-        end_(p_ + text_.size()),
-        options_(options),
-        vertices_(scene_) {
-    scene_.provenance.source = path_;
-  }
+  NffReader(const std::filesystem::path& path, const LoadOptions& options, Scene& scene)
+      : TextReader(path, ReadText(path), options, scene), vertices_(scene) {}
 
-  Scene Read() {
-    while (SkipBlanks()) {
-      const std::string_view key = Word();
-      entity_line_ = line_;
-      if (key == "p" || key == "pp") {
-        ReadPolygon(key == "pp");
-      } else if (key == "s") {
-        ReadSphere();
-      } else if (key == "c") {
-        ReadCone();
-      } else if (key == "f") {
-        ReadMaterial();
-      } else if (key == "l") {
-        ReadLight();
-      } else if (key == "b") {
-        scene_.background = Color("background");
-      } else if (key == "v") {
-        ReadCamera();
-      } else {
-        Fail(fmt::format("unknown entity {}; allowed are {}", Quoted(key), kEntities));
-      }
+  void Run() {
+    for (std::string_view key = Word(); !key.empty(); key = Word()) {
+      ReadEntity(key);
+      TellProgress(lines_.offset());
     }
-    if (scene_.primitive_count() + scene_.stats.dropped_triangles == 0)
-      throw InputError(path_ + ": has no primitives");
+    if (scene_.primitive_count() + scene_.stats.dropped_triangles == 0) Fail("has no primitives");
     for (size_t i : lights_without_color_) {
       const float intensity = 1 / std::sqrt(float(scene_.lights.size()));
       scene_.lights[i].intensity = {intensity, intensity, intensity};
     }
     if (scene_.materials.empty()) scene_.materials.emplace_back().name = "default";
-    return std::move(scene_);
   }
 
  private:
-  [[noreturn]] void Fail(const std::string& what) const {
-    throw InputError(fmt::format("{}: line {}: {}", path_, line_, what));
-  }
-  static std::string Quoted(std::string_view text) {
-    return OneLine(fmt::format("'{}'", text.substr(0, 40)));
-  }
-
-  /// Goes to the next word, over line breaks and comments; false at the end of the file.
-  bool SkipBlanks() {
-    for (; p_ < end_; ++p_) {
-      if (*p_ == '#') {
-        p_ = static_cast<const char*>(std::memchr(p_, '\n', size_t(end_ - p_)));
-        if (p_ == nullptr) return p_ = end_, false;
-      }
-      if (*p_ == '\n') {
-        ++line_;
-      } else if (!IsBlank(*p_)) {
-        return true;
-      }
+  void ReadEntity(std::string_view key) {
+    if (key == "p" || key == "pp") {
+      ReadPolygon(key == "pp");
+    } else if (key == "s") {
+      ReadSphere();
+    } else if (key == "c") {
+      ReadCone();
+    } else if (key == "f") {
+      ReadMaterial();
+    } else if (key == "l") {
+      ReadLight();
+    } else if (key == "b") {
+      scene_.background = Color("background");
+    } else if (key == "v") {
+      ReadCamera();
+    } else {
+      FailHere(fmt::format("unknown entity {}; allowed are {}", Quoted(key), kEntities));
     }
-    return false;
   }
-  static bool IsBlank(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\v' || c == '\f'; }
 
-  /// The word that begins here.
+  /// The next word that is not in a comment, empty at the end of the file.
   std::string_view Word() {
-    const char* begin = p_;
-    while (p_ < end_ && *p_ != '\n' && !IsBlank(*p_)) ++p_;
-    return {begin, size_t(p_ - begin)};
+    std::string_view word = NextWord();
+    for (; word.starts_with('#'); word = NextWord()) words_ = Words("");
+    return word;
+  }
+  /// Likewise; at the end of the file it fails, for `what` should stand there.
+  template <class... Args>
+  std::string_view Expect(const char* what, const Args&... args) {
+    const std::string_view word = Word();
+    if (word.empty())  // in the line after the last
+      Fail(fmt::format("line {}: the file ends {}", lines_.number() + !lines_.is_unended(),
+                       fmt::format(fmt::runtime(what), args...)));
+    return word;
   }
 
   /// The next word as a number; `what` and `which` tell the reader of an error what is missing.
-  float Number(const char* what, const char* which) {
-    if (!SkipBlanks()) Fail(fmt::format("the file ends where the {} of the {} should stand", which, what));
-    const std::string_view word = Word();
-    const char* begin = word.data() + (word.starts_with('+') ? 1 : 0);
-    float value = 0;
-    const auto [end, error] = std::from_chars(begin, word.data() + word.size(), value);
-    if (end != word.data() + word.size() || begin == end || error == std::errc::invalid_argument)
-      Fail(fmt::format("the {} of the {} is {}; a number is needed", which, what, Quoted(word)));
-    // Too large, or so small that it is 0.
-    if (error == std::errc::result_out_of_range) value = std::strtof(std::string(word).c_str(), nullptr);
+  float Value(const char* what, const char* which) {
+    const std::string_view word = Expect("where the {} of the {} should stand", which, what);
+    float value;
+    if (ParseNumber(word, value) == Number::kMalformed)
+      FailHere(fmt::format("the {} of the {} is {}; a number is needed", which, what, Quoted(word)));
     return value;
   }
   float Finite(const char* what, const char* which, const char* hint = "") {
-    const float value = Number(what, which);
+    const float value = Value(what, which);
     if (!std::isfinite(value))
-      Fail(fmt::format("the {} of the {} is not finite, or too large for a float{}", which, what, hint));
+      FailHere(fmt::format("the {} of the {} is not finite, or too large for a float{}", which, what, hint));
     return value;
   }
   /// Finite, unless bad primitives are to be dropped.
   float Coordinate(const char* what, const char* which) {
-    return options_.drop_bad ? Number(what, which) : Finite(what, which, kOrDropBad);
+    return options_.drop_bad ? Value(what, which) : Finite(what, which, kOrDropBad);
   }
   Vec3f Point(const char* what) {
     const float x = Coordinate(what, "x"), y = Coordinate(what, "y"), z = Coordinate(what, "z");
@@ -185,38 +156,35 @@ class NffReader {
   }
   Vec3f Color(const char* what) {
     const float r = Finite(what, "red"), g = Finite(what, "green"), b = Finite(what, "blue");
-    if (r < 0 || g < 0 || b < 0) Fail(fmt::format("the colour of the {} is negative", what));
+    if (r < 0 || g < 0 || b < 0) FailHere(fmt::format("the colour of the {} is negative", what));
     return {r, g, b};
   }
   /// A number of at least 0.
   float Weight(const char* which) {
     const float value = Finite("material", which);
-    if (value < 0) Fail(fmt::format("the {} of the material is {}; at least 0 is needed", which, value));
+    if (value < 0) FailHere(fmt::format("the {} of the material is {}; at least 0 is needed", which, value));
     return value;
   }
 
   void ReadPolygon(bool has_normals) {
     const char* const kind = has_normals ? "patch pp" : "polygon p";
-    if (!SkipBlanks())
-      Fail(fmt::format("the file ends where the number of corners of the {} should stand", kind));
-    const std::string_view word = Word();
-    uint64_t count = 0;
-    const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), count);
-    if (error != std::errc() || end != word.data() + word.size() || count < 3)
-      Fail(fmt::format("the {} has {} corners; a number of at least 3 is needed", kind, Quoted(word)));
+    const std::string_view word = Expect("where the number of corners of the {} should stand", kind);
+    int64_t count = 0;
+    if (!ParseInt(word, count) || count < 3)
+      FailHere(fmt::format("the {} has {} corners; a number of at least 3 is needed", kind, Quoted(word)));
     // Each corner takes its numbers and as many blanks.
-    const uint64_t rest = uint64_t(end_ - p_), least = has_normals ? 12 : 6;
-    if (count > rest / least)
-      Fail(fmt::format("the {} has {} corners, more than the rest of the file can hold", kind, count));
+    const int64_t rest = text_.data() + text_.size() - (word.data() + word.size());
+    if (count > rest / (has_normals ? 12 : 6))
+      FailHere(fmt::format("the {} has {} corners, more than the rest of the file can hold", kind, count));
 
     corners_.clear();
-    for (uint64_t i = 0; i < count; ++i) {
+    for (int64_t i = 0; i < count; ++i) {
       VertexTable::Vertex v{};
       v.position = Point("corner");
       if (has_normals) v.normal = Point("normal");
       corners_.push_back(vertices_.Add(v));
       if (scene_.positions.size() >= RAYBENCH_NONE)
-        Fail(fmt::format("too many vertices; fewer than {} are allowed", RAYBENCH_NONE));
+        FailHere(fmt::format("too many vertices; fewer than {} are allowed", RAYBENCH_NONE));
     }
     const uint32_t material = CurrentMaterial();
     const uint64_t face = scene_.stats.faces++;
@@ -225,14 +193,12 @@ class NffReader {
       scene_.triangle_material.push_back(material);
       scene_.triangle_face.push_back(uint32_t(face));
     } else {
-      if (scene_.polygon_vertices.size() + count >= RAYBENCH_NONE)
-        Fail(fmt::format("too many corners; fewer than {} are allowed", RAYBENCH_NONE));
+      if (scene_.polygon_vertices.size() + uint64_t(count) >= RAYBENCH_NONE)
+        FailHere(fmt::format("too many corners; fewer than {} are allowed", RAYBENCH_NONE));
       scene_.polygons.push_back({uint32_t(scene_.polygon_vertices.size()), uint32_t(count)});
       scene_.polygon_material.push_back(material);
       scene_.polygon_vertices.insert(scene_.polygon_vertices.end(), corners_.begin(), corners_.end());
     }
-    if (options_.progress && face % 65536 == 65535)
-      options_.progress(double(p_ - text_.data()) / double(text_.size()));
   }
 
   void ReadSphere() {
@@ -255,7 +221,7 @@ class NffReader {
   void Keep(const Prim& prim, const char* kind, std::vector<Prim>& prims, std::vector<uint32_t>& material) {
     if (!options_.drop_bad)
       if (const std::string flaw = Flaw(prim); !flaw.empty())
-        Fail(fmt::format("the {} {}{}", kind, flaw, kOrDropBad));
+        FailHere(fmt::format("the {} {}{}", kind, flaw, kOrDropBad));
     prims.push_back(prim), material.push_back(CurrentMaterial());
   }
 
@@ -267,6 +233,7 @@ class NffReader {
 
   void ReadMaterial() {
     Material m;
+    m.name = Where();
     const Vec3f color = Color("material");
     m.diffuse = color * Weight("Kd");
     const float ks = Weight("Ks");
@@ -275,7 +242,6 @@ class NffReader {
     m.transmit = Vec3f{1, 1, 1} * Weight("T");
     const float ior = Weight("index of refraction");
     m.ior = ior > 0 ? ior : 1;  // opaque materials say 0
-    m.name = fmt::format("line {}", entity_line_);
     scene_.materials.push_back(m);
   }
 
@@ -284,8 +250,7 @@ class NffReader {
     const float x = Finite("light", "x"), y = Finite("light", "y"), z = Finite("light", "z");
     light.position = {x, y, z};
     // A colour is there if the line goes on with a number.
-    while (p_ < end_ && IsBlank(*p_)) ++p_;
-    if (p_ < end_ && *p_ != '\n' && *p_ != '#') {
+    if (const std::string_view rest = words_.Rest(); !rest.empty() && !rest.starts_with('#')) {
       light.intensity = Color("light");
     } else {
       lights_without_color_.push_back(scene_.lights.size());
@@ -296,9 +261,8 @@ class NffReader {
   void ReadCamera() {
     Camera camera;
     const auto expect = [&](std::string_view key) {
-      if (!SkipBlanks()) Fail(fmt::format("the file ends within a camera, where '{}' should stand", key));
-      if (const std::string_view word = Word(); word != key)
-        Fail(fmt::format(
+      if (const std::string_view word = Expect("within a camera, where '{}' should stand", key); word != key)
+        FailHere(fmt::format(
             "a camera needs '{}' here, not {}; its lines are from, at, up, angle, hither, resolution", key,
             Quoted(word)));
     };
@@ -309,26 +273,23 @@ class NffReader {
     };
     camera.eye = vector("from"), camera.at = vector("at"), camera.up = vector("up");
     const Vec3d side = Cross(ToDouble(camera.at) - ToDouble(camera.eye), ToDouble(camera.up));
-    if (!(Dot(side, side) > 0)) Fail("the camera looks nowhere: 'at' is 'from', or 'up' lies along the view");
+    if (!(Dot(side, side) > 0))
+      FailHere("the camera looks nowhere: 'at' is 'from', or 'up' lies along the view");
     expect("angle");
     const float angle = Finite("camera", "angle");
     if (!(angle > 0 && angle < 180))
-      Fail(fmt::format("the angle of the camera is {} degrees; allowed is what lies between 0 and 180",
-                       angle));
+      FailHere(fmt::format("the angle of the camera is {} degrees; allowed is what lies between 0 and 180",
+                           angle));
     camera.tan_half_fov = float(Tangent(angle * (std::numbers::pi / 360)));
     expect("hither");
     Finite("camera", "hither");
     expect("resolution");
     for (const char* which : {"width", "height"})
-      if (!(Finite("resolution", which) >= 1)) Fail(fmt::format("the {} of the picture is below 1", which));
+      if (!(Finite("resolution", which) >= 1))
+        FailHere(fmt::format("the {} of the picture is below 1", which));
     scene_.cameras.push_back(camera);
   }
 
-  const std::string path_, text_;
-  const char *p_, *end_;
-  const LoadOptions& options_;
-  uint64_t line_ = 1, entity_line_ = 1;
-  Scene scene_;
   VertexTable vertices_;
   std::vector<uint32_t> corners_;
   std::vector<size_t> lights_without_color_;
@@ -337,7 +298,9 @@ class NffReader {
 }  // namespace
 
 Scene ReadNff(const std::filesystem::path& path, const LoadOptions& options) {
-  return NffReader(path, options).Read();
+  Scene scene;
+  NffReader(path, options, scene).Run();
+  return scene;
 }
 
 }  // namespace raybench

@@ -1,74 +1,45 @@
-// Wavefront OBJ. OpenMesh is given vertices and faces alone: of materials it passes on nothing but an 8-bit
-// diffuse colour, and its texture coordinates and normals would be one a vertex.
+// Wavefront OBJ.
 
 #include <fmt/format.h>
 
-#include <OpenMesh/Core/IO/reader/OBJReader.hh>
 #include <algorithm>
 #include <cctype>
-#include <charconv>
 #include <map>
 
-#include "datasets/readers/mesh_sink.h"
 #include "datasets/readers/mtl.h"
 #include "datasets/readers/obj_corners.h"
-#include "datasets/readers/openmesh_importer.h"
 #include "datasets/readers/readers.h"
+#include "datasets/readers/text_reader.h"
 
 namespace raybench {
 namespace {
 
-/// True if a number occurs twice.
-bool HasRepeats(const std::vector<int64_t>& numbers, std::vector<int64_t>& scratch) {
-  if (numbers.size() <= 8) {
-    for (size_t i = 1; i < numbers.size(); ++i)
-      for (size_t k = 0; k < i; ++k)
-        if (numbers[i] == numbers[k]) return true;
-    return false;
-  }
-  scratch = numbers;
-  std::sort(scratch.begin(), scratch.end());
-  return std::adjacent_find(scratch.begin(), scratch.end()) != scratch.end();
-}
-
-/// The strict pass over an OBJ file; adds its materials to the scene.
-class ObjScan {
+class ObjReader : MeshReader {
  public:
-  ObjScan(const std::filesystem::path& path, const LoadOptions& options, Scene& scene)
-      : path_(path),
-        drop_bad_(options.drop_bad),
-        scene_(scene),
-        text_(ReadText(path)),
-        stage_(options, 0, 0.4) {}
+  ObjReader(const std::filesystem::path& path, const LoadOptions& options, Scene& scene)
+      : MeshReader(path, ReadText(path), options, scene) {}
 
-  CleanMesh Run() {
+  /// Returns texture coordinates and normals of all faces; the file's text goes.
+  ObjCorners Run() && {
     JoinContinuedLines();
-    // Count first, since an index may refer to a vertex further down.
-    std::string_view line;
-    for (Lines lines(text_); lines.Next(line);) vertex_count_ += Words(line).Next() == "v";
-    if (int64_t(vertex_count_) > kMaxCount)
-      Fail(fmt::format("has {} vertices; {} are allowed", vertex_count_, kMaxCount));
-    mesh_.text.reserve(text_.size() + text_.size() / 16);
-    while (lines_.Next(line)) {
-      Line(Words(line));
-      stage_.Tell(lines_.offset(), text_.size());
+    CountItems();
+    Words words("");
+    for (std::string_view key; NextStatement(key, words);) {
+      Statement(key, words);
+      TellProgress(lines_.offset());
     }
-    if (mesh_.faces == 0)
+    if (sink_.faces() == 0)
       Fail(left_out_.empty() ? "has no faces; is it a Wavefront OBJ file?"
                              : fmt::format("has no faces (left out: {})", left_out_.Text()));
-    if (!left_out_.empty()) scene_.stats.notes.push_back("left out: " + left_out_.Text());
-    text_ = {};
-    return std::move(mesh_);
+    if (!left_out_.empty()) NoteLeftOut(left_out_.Text());
+    sink_.Close();
+    return std::move(looks_);
   }
 
-  /// Of all faces so far.
-  ObjCorners& corners() { return looks_; }
-
  private:
-  [[noreturn]] void Fail(const std::string& what) const { throw InputError(path_.string() + ": " + what); }
-  [[noreturn]] void FailLine(const std::string& what) const {
+  std::string Where() const override {
     const auto joined = std::lower_bound(joined_.begin(), joined_.end(), lines_.offset()) - joined_.begin();
-    Fail(fmt::format("line {}: {}", lines_.number() + uint64_t(joined), what));
+    return fmt::format("line {}", lines_.number() + uint64_t(joined));
   }
 
   /// Puts blanks for a backslash and the line break after it, and notes where.
@@ -81,11 +52,25 @@ class ObjScan {
     }
   }
 
-  void Line(Words words) {
-    const std::string_view key = words.Next();
+  /// First, since an index may refer to a vertex further down.
+  void CountItems() {
+    uint64_t vertices = 0, faces = 0;
+    std::string_view line;
+    for (Lines lines(text_); lines.Next(line);) {
+      const std::string_view key = Words(line).Next();
+      vertices += key == "v", faces += IsFace(key);
+    }
+    if (int64_t(vertices) > kMaxCount)
+      Fail(fmt::format("has {} vertices; {} are allowed", vertices, kMaxCount));
+    Expect(vertices, faces);
+  }
+
+  static bool IsFace(std::string_view key) { return key == "f" || key == "fo"; }  // "fo" before 1995
+
+  void Statement(std::string_view key, Words& words) {
     if (key == "v") {
-      Vertex(words);
-    } else if (key == "f" || key == "fo") {  // its name before 1995
+      AddVertex(words, "3 are needed");
+    } else if (IsFace(key)) {
       Face(words);
     } else if (key == "vt") {
       float uv[2] = {0, 0};  // the second is optional
@@ -98,8 +83,8 @@ class ObjScan {
     } else if (key == "mtllib") {
       ReadLibrary(std::string(words.Rest()));
     } else if (key == "usemtl") {
-      mesh_.materials.push_back({uint32_t(mesh_.faces), MaterialIndex(words.Rest())});
-    } else if (!key.empty() && !key.starts_with('#') && !IsGrouping(key)) {
+      material_ = MaterialIndex(words.Rest());
+    } else if (!IsGrouping(key)) {
       left_out_.Add(key);
     }
   }
@@ -112,7 +97,7 @@ class ObjScan {
 
   void ReadLibrary(const std::string& name) {
     try {
-      ReadMtl(path_.parent_path() / name, library_, scene_.stats.notes);
+      ReadMtl(path_.parent_path() / name, options_, scene_, library_);
     } catch (const InputError& e) {
       scene_.stats.notes.push_back(
           fmt::format("the material file {} cannot be read: {}", Quoted(name), OneLine(e.what())));
@@ -127,26 +112,6 @@ class ObjScan {
       if (word.empty() || word.starts_with('#')) return;
       if (ParseNumber(word, x) == Number::kMalformed) x = std::numeric_limits<float>::quiet_NaN();
     }
-  }
-
-  void Vertex(Words& words) {
-    std::string_view coordinates[3];
-    Vec3f position;
-    bool is_finite = true;
-    for (int i = 0; i < 3; ++i) {
-      const std::string_view word = coordinates[i] = words.Next();
-      if (word.empty() || word.starts_with('#'))
-        FailLine(fmt::format("vertex {} has {} coordinates; 3 are needed", mesh_.vertices, i));
-      const Number number = ParseNumber(word, position[i]);
-      is_finite &= number == Number::kFinite;
-      CheckCoordinate(number, word, mesh_.vertices, drop_bad_,
-                      [&](const std::string& what) { FailLine(what); });
-    }
-    if (!is_finite) mesh_.bad_vertices.push_back({uint32_t(mesh_.vertices), position});
-    mesh_.text += 'v';
-    for (std::string_view word : coordinates) (mesh_.text += ' ') += is_finite ? word : "0";
-    mesh_.text += '\n';
-    ++mesh_.vertices;
   }
 
   /// The second and third number of a corner such as 3/1/2.
@@ -165,51 +130,27 @@ class ObjScan {
   }
 
   void Face(Words& words) {
-    corners_.clear();  // counted from 1, as in the file
-    corner_looks_.clear();
-    bool is_bad = false, has_looks = false;
+    corners_.clear(), corner_looks_.clear();
+    bool has_looks = false;
     for (std::string_view word = words.Next(); !word.empty() && !word.starts_with('#'); word = words.Next()) {
       int64_t index = 0;
       if (!ParseInt(word.substr(0, word.find('/')), index) ||
           word.find_first_not_of("+-0123456789/") != word.npos)
-        FailLine(fmt::format("face {} has the corner {}; an index such as 3 or 3/1/2 is needed", mesh_.faces,
-                             Quoted(word)));
-      int64_t corner = index < 0 ? int64_t(mesh_.vertices) + index + 1 : index;
-      if (corner < 1 || corner > int64_t(vertex_count_)) {
-        if (!drop_bad_)
-          FailLine(fmt::format("face {} refers to vertex {}; allowed are 1 to {}, or -{} to -1{}",
-                               mesh_.faces, index, vertex_count_, mesh_.vertices, kOrDropBad));
-        is_bad = true;
-        corner = int64_t{RAYBENCH_NONE} + 1;
-      }
-      corners_.push_back(corner);
-      corner_looks_.push_back(CornerLooks(uint32_t(corner - 1), word));
+        FailHere(fmt::format("face {} has the corner {}; an index such as 3 or 3/1/2 is needed",
+                             sink_.faces(), Quoted(word)));
+      const size_t vertices = scene_.positions.size();  // so far
+      corners_.push_back(Corner(index, index < 0 ? int64_t(vertices) + index : index - 1, [&] {
+        return fmt::format("1 to {}, or -{} to -1", sink_.vertices(), vertices);
+      }));
+      corner_looks_.push_back(CornerLooks(corners_.back(), word));
       has_looks = has_looks || corner_looks_.back().uv != RAYBENCH_NONE ||
                   corner_looks_.back().normal != RAYBENCH_NONE;
     }
     // Faces of two corners are common and harmless, but not at the end of a file cut off within a line.
     if (corners_.empty() || (corners_.size() < 3 && lines_.is_unended()))
-      FailLine(fmt::format("face {} has {} corners; at least 3 are needed", mesh_.faces, corners_.size()));
-    if (has_looks && corners_.size() >= 3) looks_.AddFace(uint32_t(mesh_.faces), corner_looks_);
-    scene_.stats.degenerate_triangles += corners_.size() < 3;
-    // OpenMesh would leave out without a word what has not 3 different corners, and any face with a corner
-    // given twice, as what joins a hole to the outline has.
-    if (is_bad || corners_.size() < 3 || HasRepeats(corners_, scratch_)) {
-      CleanMesh::HeldBack& face = mesh_.held_back.emplace_back();
-      face.face = uint32_t(mesh_.faces);
-      for (int64_t corner : corners_) face.corners.push_back(uint32_t(corner - 1));
-    } else {
-      mesh_.text += 'f';
-      for (int64_t corner : corners_) AddNumber(corner);
-      mesh_.text += '\n';
-    }
-    if (int64_t(++mesh_.faces) > kMaxCount) Fail(fmt::format("has more than {} faces", kMaxCount));
-  }
-
-  void AddNumber(int64_t number) {
-    char digits[24];
-    mesh_.text += ' ';
-    mesh_.text.append(digits, std::to_chars(digits, digits + sizeof digits, number).ptr);
+      FailHere(fmt::format("face {} has {} corners; at least 3 are needed", sink_.faces(), corners_.size()));
+    if (has_looks && corners_.size() >= 3) looks_.AddFace(uint32_t(sink_.faces()), corner_looks_);
+    AddFace(corners_, material_);
   }
 
   uint32_t MaterialIndex(std::string_view name) {
@@ -255,16 +196,9 @@ class ObjScan {
     return it->second = int32_t(scene_.textures.size() - 1);
   }
 
-  const std::filesystem::path& path_;
-  bool drop_bad_;
-  Scene& scene_;
-  std::string text_;
-  LoadStage stage_;
-  Lines lines_{text_};
   std::vector<size_t> joined_;  ///< where line breaks were that do not count
-  CleanMesh mesh_;
-  uint64_t vertex_count_ = 0;
-  std::vector<int64_t> corners_, scratch_;
+  uint32_t material_ = 0;
+  std::vector<uint32_t> corners_;
   std::vector<ObjCorner> corner_looks_;
   ObjCorners looks_;
   MtlLibrary library_;
@@ -277,12 +211,10 @@ class ObjScan {
 
 Scene ReadObj(const std::filesystem::path& path, const LoadOptions& options) {
   Scene scene;
-  scene.provenance.source = path.string();
   scene.materials.emplace_back().name = "default";
-  ObjScan scan(path, options, scene);
-  ReadWithOpenMesh(OpenMesh::IO::OBJReader(), path.string(), scan.Run(), options, scene);
+  ObjCorners looks = ObjReader(path, options, scene).Run();
   scene.TakeHash();  // before vertices become several for their looks
-  scan.corners().Apply(scene, options.keep_unread);
+  looks.Apply(scene, options.keep_unread);
   return scene;
 }
 

@@ -2,19 +2,16 @@
 //
 // The header describes the elements, which may come in any order and have any properties. What matters here
 // is x, y and z of `vertex`, the list vertex_indices of `face` and that of `tristrips`; everything else is
-// skipped. OpenMesh gets the plainest binary file with these: little-endian floats, and lists of uint counted
-// by a uchar.
+// skipped.
 
 #include <fmt/format.h>
 
-#include <OpenMesh/Core/IO/reader/PLYReader.hh>
 #include <bit>
 #include <cmath>
 #include <cstring>
 
-#include "datasets/readers/mesh_sink.h"
-#include "datasets/readers/openmesh_importer.h"
 #include "datasets/readers/readers.h"
+#include "datasets/readers/text_reader.h"
 
 namespace raybench {
 namespace {
@@ -84,55 +81,40 @@ struct Element {
   std::vector<Property> properties;
 };
 
-class PlyScan {
+class PlyReader : MeshReader {
  public:
-  PlyScan(const std::filesystem::path& path, const LoadOptions& options, Scene& scene)
-      : path_(path),
-        drop_bad_(options.drop_bad),
-        scene_(scene),
-        text_(ReadFile(path)),
-        stage_(options, 0, 0.4) {}
+  PlyReader(const std::filesystem::path& path, const LoadOptions& options, Scene& scene)
+      : MeshReader(path, ReadFile(path), options, scene) {}
 
-  CleanMesh Run() {
+  void Run() {
     ReadHeader();
     CheckSizes();
-    mesh_.text = CleanHeader(0);
-    next_vertex_ = mesh_.text.size();
-    const size_t vertices_end = next_vertex_ + 12 * mesh_.vertices;
-    mesh_.text.reserve(vertices_end + (text_.size() - offset_) + 64);
-    mesh_.text.resize(vertices_end);
+    Expect(CountOf(Kind::kVertex), CountOf(Kind::kFace));
     for (const Element& element : elements_)
       for (item_ = 0; item_ < element.count && !element.properties.empty(); ++item_) {
-        vertex_ = {0, 0, 0};
         is_ascii_ ? AsciiItem(element) : BinaryItem(element);
-        if (element.kind == Kind::kVertex) AddVertex();
-        if (element.kind == Kind::kFace) AddFace(corners_);
+        if (element.kind == Kind::kVertex) sink_.AddVertex(vertex_);
+        if (element.kind == Kind::kFace) AddCorners(corners_);
         if (element.kind == Kind::kStrips) AddStrips();
-        stage_.Tell(is_ascii_ ? lines_.offset() : offset_, text_.size());
+        TellProgress(Offset());
       }
     CheckEnd();
-    if (mesh_.faces == 0) Fail("has no faces");
-    NoteLeftOut();
-    const std::string header = CleanHeader(mesh_.faces - mesh_.held_back.size());
-    mesh_.text.replace(0, header.size(), header);
-    return std::move(mesh_);
+    if (sink_.faces() == 0) Fail("has no faces");
+    FindLeftOut();
+    sink_.Close();
   }
 
  private:
-  [[noreturn]] void Fail(const std::string& what) const { throw InputError(path_.string() + ": " + what); }
-  /// Of the header, or of an ASCII file.
-  [[noreturn]] void FailLine(const std::string& what) const {
-    Fail(fmt::format("line {}: {}", lines_.number(), what));
+  std::string Where() const override {
+    return is_ascii_ || offset_ == 0 ? TextReader::Where() : fmt::format("byte {}", offset_);
   }
-  [[noreturn]] void FailHere(const std::string& what) const {
-    is_ascii_ ? FailLine(what) : Fail(fmt::format("byte {}: {}", offset_, what));
-  }
+  size_t Offset() const { return is_ascii_ ? lines_.offset() : offset_; }
 
   // ---- header ----
 
   Words HeaderLine() {
     std::string_view line;
-    if (!lines_.Next(line)) Fail("ends early: end_header is missing");
+    if (!lines_.Next(line)) FailEarly("end_header");
     return Words(line);
   }
 
@@ -165,7 +147,7 @@ class PlyScan {
     lines_ = Lines(text_, start_);
     const Words first = HeaderLine();
     if (std::string_view magic = Words(first).Next(); magic != "ply" && magic != "PLY")
-      FailLine(fmt::format("begins with {}; a PLY file begins with 'ply'", Quoted(magic)));
+      FailHere(fmt::format("begins with {}; a PLY file begins with 'ply'", Quoted(magic)));
     bool has_format = false;
     while (true) {
       Words words = HeaderLine();
@@ -179,7 +161,7 @@ class PlyScan {
       } else if (key == "property") {
         ReadProperty(words);
       } else if (!key.empty() && key != "comment" && key != "obj_info") {
-        FailLine(
+        FailHere(
             fmt::format("{} is no header line; allowed are format, comment, obj_info, element, property and "
                         "end_header",
                         Quoted(key)));
@@ -199,21 +181,21 @@ class PlyScan {
       is_ascii_ = false;
       swap_ = (format == "binary_big_endian") != (std::endian::native == std::endian::big);
     } else {
-      FailLine(fmt::format("the format is {}; allowed are ascii, binary_little_endian and binary_big_endian",
+      FailHere(fmt::format("the format is {}; allowed are ascii, binary_little_endian and binary_big_endian",
                            Quoted(format)));
     }
     if (const std::string_view version = words.Next(); version != "1.0")
-      FailLine(fmt::format("the version is {}; 1.0 is read", Quoted(version)));
+      FailHere(fmt::format("the version is {}; 1.0 is read", Quoted(version)));
   }
 
   void ReadElement(Words& words) {
-    if (elements_.size() == kMaxElements) FailLine(fmt::format("has more than {} elements", kMaxElements));
+    if (elements_.size() == kMaxElements) FailHere(fmt::format("has more than {} elements", kMaxElements));
     Element& element = elements_.emplace_back();
     element.name = words.Next();
     int64_t count = 0;
     const std::string_view word = words.Next();
     if (!ParseInt(word, count) || count < 0 || count > kMaxCount)
-      FailLine(fmt::format("element {} has the count {}; allowed are 0 to {}", Quoted(element.name),
+      FailHere(fmt::format("element {} has the count {}; allowed are 0 to {}", Quoted(element.name),
                            Quoted(word), kMaxCount));
     element.count = uint64_t(count);
     element.kind = element.name == "vertex"      ? Kind::kVertex
@@ -222,42 +204,42 @@ class PlyScan {
                                                  : Kind::kOther;
     for (size_t i = 0; i + 1 < elements_.size(); ++i)
       if (elements_[i].name == element.name)
-        FailLine(fmt::format("element {} is there twice", Quoted(element.name)));
+        FailHere(fmt::format("element {} is there twice", Quoted(element.name)));
   }
 
   Type ReadType(std::string_view word) const {
     for (size_t i = 0; i < std::size(kTypeNames); ++i)
       if (word == kTypeNames[i].name || word == kTypeNames[i].old_name) return Type(i);
-    FailLine(
+    FailHere(
         fmt::format("{} is no type; allowed are char, uchar, short, ushort, int, uint, float and double, or "
                     "int8 to float64",
                     Quoted(word)));
   }
 
   void ReadProperty(Words& words) {
-    if (elements_.empty()) FailLine("a property stands before the first element");
+    if (elements_.empty()) FailHere("a property stands before the first element");
     Element& element = elements_.back();
     Property p;
     std::string_view word = words.Next();
     if (word == "list") {
       p.is_list = true;
       p.count_type = ReadType(words.Next());
-      if (!IsInteger(p.count_type)) FailLine("a list must be counted by an integer type");
+      if (!IsInteger(p.count_type)) FailHere("a list must be counted by an integer type");
       word = words.Next();
     }
     p.type = ReadType(word);
     p.name = words.Next();
-    if (p.name.empty()) FailLine("a property needs a name");
+    if (p.name.empty()) FailHere("a property needs a name");
     if (element.kind == Kind::kVertex && !p.is_list && p.name.size() == 1)
       p.role = p.name == "x" ? Role::kX : p.name == "y" ? Role::kY : p.name == "z" ? Role::kZ : Role::kNone;
     if ((element.kind == Kind::kFace || element.kind == Kind::kStrips) && p.is_list &&
         (p.name == "vertex_indices" || p.name == "vertex_index")) {
-      if (!IsInteger(p.type)) FailLine(fmt::format("{} must be a list of integers", p.name));
+      if (!IsInteger(p.type)) FailHere(fmt::format("{} must be a list of integers", p.name));
       p.role = Role::kCorners;
     }
     if (p.role != Role::kNone)
       for (const Property& other : element.properties)
-        if (other.role == p.role) FailLine(fmt::format("property {} is there twice", Quoted(p.name)));
+        if (other.role == p.role) FailHere(fmt::format("property {} is there twice", Quoted(p.name)));
     element.properties.push_back(std::move(p));
   }
 
@@ -271,7 +253,6 @@ class PlyScan {
       };
       if (element.kind == Kind::kVertex) {
         has_vertices = true;
-        mesh_.vertices = element.count;
         if (!has(Role::kX) || !has(Role::kY) || !has(Role::kZ))
           Fail("the header's element vertex needs the properties x, y and z");
       } else if (element.kind != Kind::kOther) {
@@ -282,6 +263,12 @@ class PlyScan {
     }
     if (!has_vertices) Fail("the header has no element vertex");
     if (!has_faces) Fail("the header has no element face; point clouds have nothing to hit");
+  }
+
+  uint64_t CountOf(Kind kind) const {
+    for (const Element& element : elements_)
+      if (element.kind == kind) return element.count;
+    return 0;
   }
 
   /// What the header claims must fit into the file before anything is allocated.
@@ -306,14 +293,13 @@ class PlyScan {
   void AsciiItem(const Element& element) {
     std::string_view line;
     do
-      if (!lines_.Next(line))
-        Fail(fmt::format("ends early: {} {} of {} is missing", element.name, item_, element.count));
+      if (!lines_.Next(line)) FailEarly(fmt::format("{} {} of {}", element.name, item_, element.count));
     while (Words(line).Next().empty());
     Words words(line);
     auto next = [&](const Property& p) {
       const std::string_view word = words.Next();
       if (word.empty())
-        FailLine(fmt::format("{} {} ends before its property {}", element.name, item_, Quoted(p.name)));
+        FailHere(fmt::format("{} {} ends before its property {}", element.name, item_, Quoted(p.name)));
       return word;
     };
     for (const Property& p : element.properties) {
@@ -321,30 +307,20 @@ class PlyScan {
         int64_t count = 0;
         const std::string_view word = next(p);
         if (!ParseInt(word, count) || count < 0 || count > int64_t(text_.size()))
-          FailLine(fmt::format("{} {} has the list length {}", element.name, item_, Quoted(word)));
+          FailHere(fmt::format("{} {} has the list length {}", element.name, item_, Quoted(word)));
         if (p.role != Role::kCorners) {
           for (int64_t i = 0; i < count; ++i) next(p);
           continue;
         }
         corners_.clear();
-        for (int64_t i = 0; i < count; ++i) {
-          int64_t index = 0;
-          const std::string_view corner = next(p);
-          if (!ParseInt(corner, index))
-            FailLine(fmt::format("{} {} has the corner {}; an index is needed", element.name, item_,
-                                 Quoted(corner)));
-          corners_.push_back(index);
-        }
+        for (int64_t i = 0; i < count; ++i) corners_.push_back(Index(next(p), element.name, item_));
       } else {
         const std::string_view word = next(p);
-        if (p.role == Role::kNone) continue;
-        float& value = vertex_[int(p.role) - int(Role::kX)];
-        CheckCoordinate(ParseNumber(word, value), word, item_, drop_bad_,
-                        [&](const std::string& what) { FailLine(what); });
+        if (p.role != Role::kNone) vertex_[int(p.role) - int(Role::kX)] = Coordinate(word);
       }
     }
     if (!words.Next().empty())
-      FailLine(fmt::format("{} {} has more values than the {} properties of the header", element.name, item_,
+      FailHere(fmt::format("{} {} has more values than the {} properties of the header", element.name, item_,
                            element.properties.size()));
   }
 
@@ -371,7 +347,7 @@ class PlyScan {
         const char* bytes = Bytes(size, element);
         if (p.role == Role::kNone) continue;
         const float value = float(Decode(bytes, p.type, swap_));
-        if (!std::isfinite(value) && !drop_bad_) {
+        if (!std::isfinite(value) && !options_.drop_bad) {
           offset_ -= size;
           FailHere(
               fmt::format("vertex {} has {} = {}; it must be finite{}", item_, p.name, value, kOrDropBad));
@@ -382,13 +358,13 @@ class PlyScan {
   }
 
   void CheckEnd() const {
-    if (drop_bad_) return;
-    const size_t end = is_ascii_ ? lines_.offset() : offset_;
+    if (options_.drop_bad) return;
+    const size_t end = Offset();
     if (end < text_.size() && text_.find_first_not_of(std::string_view(" \t\r\n\0", 5), end) != text_.npos)
       Fail(fmt::format("has {} bytes more than the header says", text_.size() - end));
   }
 
-  void NoteLeftOut() {
+  void FindLeftOut() {
     std::string left;
     const auto add = [&](const std::string& what) {
       left += fmt::format("{}{}", left.empty() ? "" : "; ", what);
@@ -404,56 +380,13 @@ class PlyScan {
         if (p.role == Role::kNone) properties.Add(p.name);
       if (!properties.empty()) add(fmt::format("properties of {}: {}", element.name, properties.Text()));
     }
-    if (!left.empty()) scene_.stats.notes.push_back(OneLine("left out: " + left));
+    if (!left.empty()) NoteLeftOut(OneLine(left));
   }
 
-  // ---- what OpenMesh gets ----
-
-  /// Of the same length for any number of faces.
-  std::string CleanHeader(uint64_t faces) const {
-    return fmt::format(
-        "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\nproperty float y\n"
-        "property float z\nelement face {:>10}\nproperty list uchar uint vertex_indices\nend_header\n",
-        mesh_.vertices, faces);
-  }
-
-  static void Store(char* to, uint32_t value) {
-    for (int i = 0; i < 4; ++i) to[i] = char(value >> (8 * i));
-  }
-
-  void AddVertex() {
-    if (!(std::isfinite(vertex_.x) && std::isfinite(vertex_.y) && std::isfinite(vertex_.z))) {
-      mesh_.bad_vertices.push_back({uint32_t(item_), vertex_});
-      vertex_ = {0, 0, 0};
-    }
-    for (int k = 0; k < 3; ++k, next_vertex_ += 4)
-      Store(mesh_.text.data() + next_vertex_, std::bit_cast<uint32_t>(vertex_[k]));
-  }
-
-  void AddFace(std::span<const int64_t> corners) {
-    bool is_bad = false;
-    for (int64_t corner : corners) {
-      if (corner >= 0 && corner < int64_t(mesh_.vertices)) continue;
-      if (!drop_bad_)
-        FailHere(fmt::format("face {} refers to vertex {}; allowed are 0 to {}{}", mesh_.faces, corner,
-                             int64_t(mesh_.vertices) - 1, kOrDropBad));
-      is_bad = true;
-    }
-    if (corners.size() < 3) ++scene_.stats.degenerate_triangles;
-    if (is_bad || corners.size() < 3 || corners.size() > 255) {
-      CleanMesh::HeldBack& face = mesh_.held_back.emplace_back();
-      face.face = uint32_t(mesh_.faces);
-      for (int64_t corner : corners)
-        face.corners.push_back(corner >= 0 && corner < int64_t(mesh_.vertices) ? uint32_t(corner)
-                                                                               : RAYBENCH_NONE);
-    } else {
-      const size_t begin = mesh_.text.size();
-      mesh_.text.resize(begin + 1 + 4 * corners.size());
-      char* to = mesh_.text.data() + begin;
-      *to++ = char(corners.size());
-      for (int64_t corner : corners) Store(to, uint32_t(corner)), to += 4;
-    }
-    if (int64_t(++mesh_.faces) > kMaxCount) Fail(fmt::format("has more than {} faces", kMaxCount));
+  void AddCorners(std::span<const int64_t> indices) {
+    face_.clear();
+    for (int64_t index : indices) face_.push_back(Corner(index));
+    AddFace(face_);
   }
 
   /// Triangle strips, ended by -1; every other triangle is turned round. Each triangle is a face.
@@ -465,35 +398,26 @@ class PlyScan {
       } else if (i >= begin + 2) {
         const bool is_turned = (i - begin) % 2 == 1;
         const int64_t corners[3] = {corners_[i - 2 + is_turned], corners_[i - 1 - is_turned], corners_[i]};
-        AddFace(corners);
+        AddCorners(corners);
       }
     }
   }
 
-  const std::filesystem::path& path_;
-  bool drop_bad_;
-  Scene& scene_;
-  std::string text_;
-  LoadStage stage_;
-  Lines lines_{text_};
   bool is_ascii_ = true, swap_ = false;
   std::vector<Element> elements_;
-  CleanMesh mesh_;
-  size_t start_ = 0;        ///< behind a byte-order mark
-  size_t offset_ = 0;       ///< of what is read next, in a binary file
-  size_t next_vertex_ = 0;  ///< where the next vertex goes
+  size_t start_ = 0;   ///< behind a byte-order mark
+  size_t offset_ = 0;  ///< of what is read next in a binary file; 0 in the header
   uint64_t item_ = 0;
   Vec3f vertex_{0, 0, 0};
   std::vector<int64_t> corners_;
+  std::vector<uint32_t> face_;
 };
 
 }  // namespace
 
 Scene ReadPly(const std::filesystem::path& path, const LoadOptions& options) {
   Scene scene;
-  scene.provenance.source = path.string();
-  CleanMesh mesh = PlyScan(path, options, scene).Run();
-  ReadWithOpenMesh(OpenMesh::IO::PLYReader(), path.string(), std::move(mesh), options, scene);
+  PlyReader(path, options, scene).Run();
   return scene;
 }
 

@@ -1,9 +1,7 @@
 // STL, the stereolithography format (3D Systems 1989): ASCII, with any number of solids, and binary.
 //
 // The facets have corners, not indices. Corners at equal positions (0 and -0 are equal) become one vertex;
-// the first one stands. OpenMesh's own reader is not used here: it merges what is within a tolerance, leaves
-// out facets without a trace, which shifts the ids of those after, and searches a tree for each corner. Facet
-// normals, the names of solids and the attribute bytes are skipped.
+// the first one stands. Facet normals, the names of solids and the attribute bytes are skipped.
 
 #include <fmt/format.h>
 
@@ -14,8 +12,8 @@
 #include <cstring>
 #include <optional>
 
-#include "datasets/readers/mesh_sink.h"
 #include "datasets/readers/readers.h"
+#include "datasets/readers/text_reader.h"
 #include "datasets/scene/weld.h"
 
 namespace raybench {
@@ -24,15 +22,10 @@ namespace {
 constexpr size_t kHeaderSize = 84, kFacetSize = 50;
 constexpr int64_t kMaxFacets = kMaxCount / 3;
 
-class StlScan {
+class StlReader : TextReader {
  public:
-  StlScan(const std::filesystem::path& path, const LoadOptions& options, Scene& scene)
-      : path_(path),
-        drop_bad_(options.drop_bad),
-        scene_(scene),
-        text_(ReadFile(path)),
-        lines_(text_),
-        stage_(options, 0, 0.5) {}
+  StlReader(const std::filesystem::path& path, const LoadOptions& options, Scene& scene)
+      : TextReader(path, ReadFile(path), options, scene, 0.5) {}
 
   /// Fills `positions` with three corners a facet.
   void Run() {
@@ -58,11 +51,6 @@ class StlScan {
   }
 
  private:
-  [[noreturn]] void Fail(const std::string& what) const { throw InputError(path_.string() + ": " + what); }
-  [[noreturn]] void FailLine(const std::string& what) const {
-    Fail(fmt::format("line {}: {}", lines_.number(), what));
-  }
-
   /// The facet ends here; its corners are the last three positions.
   void EndFacet() {
     if (int64_t(++scene_.stats.faces) > kMaxFacets) Fail(fmt::format("has more than {} facets", kMaxFacets));
@@ -85,13 +73,13 @@ class StlScan {
         Vec3f& p = scene_.positions.emplace_back();
         for (int k = 0; k < 3; ++k, at += 4) {
           p[k] = std::bit_cast<float>(Uint32(at));
-          if (!std::isfinite(p[k]) && !drop_bad_)
+          if (!std::isfinite(p[k]) && !options_.drop_bad)
             Fail(fmt::format("byte {}: facet {} has the corner coordinate {}; it must be finite{}", at, i,
                              p[k], kOrDropBad));
         }
       }
       EndFacet();
-      stage_.Tell(i, count);
+      TellProgress(at);
     }
   }
 
@@ -117,22 +105,11 @@ class StlScan {
     return std::string_view(text_).substr(begin, end - begin);
   }
 
-  /// The next word of the file, empty at its end.
-  std::string_view Next() {
-    while (true) {
-      const std::string_view word = words_.Next();
-      std::string_view line;
-      if (!word.empty() || !lines_.Next(line)) return word;
-      words_ = Words(line);
-    }
-  }
-
   void Expect(std::string_view keyword) {
-    const std::string_view word = Next();
+    const std::string_view word = NextWord();
     if (IsKeyword(word, keyword)) return;
-    if (word.empty())
-      Fail(fmt::format("ends early: '{}' of facet {} is missing", keyword, scene_.stats.faces));
-    FailLine(fmt::format("facet {} has {} where '{}' is needed", scene_.stats.faces, Quoted(word), keyword));
+    if (word.empty()) FailEarly(fmt::format("'{}' of facet {}", keyword, scene_.stats.faces));
+    FailHere(fmt::format("facet {} has {} where '{}' is needed", scene_.stats.faces, Quoted(word), keyword));
   }
 
   /// The name of a solid goes on to the end of the line; but where a whole file stands on one line, to what
@@ -154,10 +131,10 @@ class StlScan {
 
   void ReadAscii() {
     bool is_open = false;
-    for (std::string_view word = Next(); !word.empty(); word = Next()) {
+    for (std::string_view word = NextWord(); !word.empty(); word = NextWord()) {
       if (!is_open) {
         if (!IsKeyword(word, "solid"))
-          FailLine(fmt::format("{} stands where 'solid' is needed", Quoted(word)));
+          FailHere(fmt::format("{} stands where 'solid' is needed", Quoted(word)));
         SkipName(false);
         is_open = true;
       } else if (IsEnd(word, "solid")) {
@@ -166,29 +143,23 @@ class StlScan {
       } else if (IsKeyword(word, "facet")) {
         ReadFacet();
       } else {
-        FailLine(fmt::format("{} stands where 'facet' or 'endsolid' is needed", Quoted(word)));
+        FailHere(fmt::format("{} stands where 'facet' or 'endsolid' is needed", Quoted(word)));
       }
-      stage_.Tell(lines_.offset(), text_.size());
+      TellProgress(lines_.offset());
     }
-    if (is_open) Fail("ends early: 'endsolid' is missing");
+    if (is_open) FailEarly("'endsolid'");
   }
 
   void ReadFacet() {
     Expect("normal");
-    for (int k = 0; k < 3; ++k) Next();
+    for (int k = 0; k < 3; ++k) NextWord();
     Expect("outer");
     Expect("loop");
     for (int corner = 0; corner < 3; ++corner) {
       Expect("vertex");
       Vec3f& p = scene_.positions.emplace_back();
-      for (int k = 0; k < 3; ++k) {
-        const std::string_view word = Next();
-        const Number number = ParseNumber(word, p[k]);
-        if (number == Number::kMalformed || (number == Number::kNotFinite && !drop_bad_))
-          FailLine(fmt::format("facet {} has the corner coordinate {}; {}", scene_.stats.faces, Quoted(word),
-                               number == Number::kMalformed ? std::string("a number is needed")
-                                                            : std::string("it must be finite") + kOrDropBad));
-      }
+      for (int k = 0; k < 3; ++k)
+        p[k] = Coordinate(NextWord(), "facet {} has the corner coordinate", scene_.stats.faces);
     }
     ExpectEnd("loop");
     ExpectEnd("facet");
@@ -205,19 +176,11 @@ class StlScan {
     return true;
   }
   void ExpectEnd(std::string_view of) {
-    const std::string_view word = Next();
+    const std::string_view word = NextWord();
     if (IsEnd(word, of)) return;
-    if (word.empty()) Fail(fmt::format("ends early: 'end{}' of facet {} is missing", of, scene_.stats.faces));
-    FailLine(fmt::format("facet {} has {} where 'end{}' is needed", scene_.stats.faces, Quoted(word), of));
+    if (word.empty()) FailEarly(fmt::format("'end{}' of facet {}", of, scene_.stats.faces));
+    FailHere(fmt::format("facet {} has {} where 'end{}' is needed", scene_.stats.faces, Quoted(word), of));
   }
-
-  const std::filesystem::path& path_;
-  bool drop_bad_;
-  Scene& scene_;
-  std::string text_;
-  Lines lines_;
-  Words words_{""};
-  LoadStage stage_;
 };
 
 /// Three vertices a facet, as the file has them: what hash() is of.
@@ -271,8 +234,7 @@ void IndexCorners(Scene& scene) {
 
 Scene ReadStl(const std::filesystem::path& path, const LoadOptions& options) {
   Scene scene;
-  scene.provenance.source = path.string();
-  StlScan(path, options, scene).Run();
+  StlReader(path, options, scene).Run();
   if (options.progress) options.progress(0.6);
   NumberCorners(scene);
   scene.TakeHash();

@@ -84,10 +84,6 @@ std::string OneLine(const std::string& text) {
 
 std::string Quoted(std::string_view text) { return OneLine(fmt::format("'{}'", text.substr(0, 40))); }
 
-std::string CoordinateMessage(std::string_view word, uint64_t vertex, const char* rule) {
-  return fmt::format("vertex {} has the coordinate {}; {}", vertex, Quoted(word), rule);
-}
-
 Number ParseNumber(std::string_view word, float& value) {
   if (word.starts_with('+')) word.remove_prefix(1);
   const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);

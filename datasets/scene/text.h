@@ -98,22 +98,11 @@ class Lines {
 /// What a message says that --drop-bad would make good.
 inline constexpr char kOrDropBad[] = " (--drop-bad leaves out what has or uses it)";
 
-/// "vertex 3 has the coordinate 'nan'; it must be finite"
-std::string CoordinateMessage(std::string_view word, uint64_t vertex, const char* rule);
-
 enum class Number { kFinite, kNotFinite, kMalformed };
 
 /// The float nearest to a decimal number, which may begin with '+'. kNotFinite: "nan", "inf", or beyond the
 /// range of float.
 Number ParseNumber(std::string_view word, float& value);
-
-/// Calls `fail` with a message unless the number is finite, or `drop_bad` and it is not malformed.
-template <class Fail>
-void CheckCoordinate(Number number, std::string_view word, uint64_t vertex, bool drop_bad, const Fail& fail) {
-  if (number == Number::kMalformed) fail(CoordinateMessage(word, vertex, "a number is needed"));
-  if (number == Number::kNotFinite && !drop_bad)
-    fail(CoordinateMessage(word, vertex, "it must be finite") + kOrDropBad);
-}
 
 /// False if the word is not a decimal integer (which may begin with '+') in the range of int64.
 bool ParseInt(std::string_view word, int64_t& value);

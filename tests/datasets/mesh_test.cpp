@@ -94,6 +94,24 @@ TEST_F(MeshTest, PolygonsOfAnyShape) {
   EXPECT_THAT(scene.triangle_face, ElementsAre(0, 1, 1));
 }
 
+TEST_F(MeshTest, PolygonsBeforeTheirVertices) {
+  // A polygon cannot be cut before its corners are known; nothing overtakes it, and materials stay.
+  const std::string vertices = "v 0 0 0\nv 9 0 0\nv 2 2 0\nv 0 9 0\nv 4 0 0\nv 0 3 0\nv 5 6 0\n";
+  const std::string faces =
+      "f 1 2 3\nusemtl a\nf 4 1 2 3\nf 1 2 4\nusemtl b\nf 1 5 6 7\nf 1 2\nf 2 3 4 1\nf 1 2 3\n";
+  const Scene usual = Obj(vertices + faces), early = Obj(faces + vertices);
+  EXPECT_THAT(early.triangle_face, ElementsAre(0, 1, 1, 2, 3, 3, 5, 5, 6));
+  EXPECT_EQ(early.triangles, usual.triangles);
+  EXPECT_EQ(early.triangle_face, usual.triangle_face);
+  EXPECT_EQ(early.triangle_material, usual.triangle_material);
+  EXPECT_EQ(early.stats.faces, 7u);
+  EXPECT_EQ(early.stats.degenerate_triangles, 1u);
+  EXPECT_EQ(early.stats.notes, usual.stats.notes);
+  EXPECT_THAT(early.stats.notes, ::testing::Contains(HasSubstr("such as face 3")));
+  const Scene between = Obj(vertices.substr(0, 24) + faces + vertices.substr(24));
+  EXPECT_EQ(between.triangles, usual.triangles);
+}
+
 TEST_F(MeshTest, Materials) {
   files_.Write("some materials.mtl",
                "newmtl red\nKd 1 0 0\nKs 0.5 0.25 0\nNs 96\nillum 2\n\nnewmtl mirror\nillum 3\nKd .1 .1 "

@@ -134,6 +134,18 @@ TEST_F(PlyTest, TriangleStrips) {
   EXPECT_THAT(scene.triangle_face, ElementsAre(0, 1, 2));
 }
 
+TEST_F(PlyTest, PolygonsBeforeTheirVertices) {
+  const Scene scene =
+      Ply("ply\nformat ascii 1.0\nelement face 3\nproperty list uchar int vertex_indices\nelement vertex 4\n"
+          "property float x\nproperty float y\nproperty float z\nelement tristrips 1\n"
+          "property list int int vertex_indices\nend_header\n"
+          "3 0 1 2\n4 3 0 1 2\n3 1 2 0\n0 0 0\n9 0 0\n2 2 0\n0 9 0\n3 2 3 0\n");
+  // The arrow's corners 0 and 2 must be joined, which a fan from its first would not do.
+  EXPECT_THAT(scene.triangles, ElementsAre(Triangle{0, 1, 2}, Triangle{2, 3, 0}, Triangle{0, 1, 2},
+                                           Triangle{1, 2, 0}, Triangle{2, 3, 0}));
+  EXPECT_THAT(scene.triangle_face, ElementsAre(0, 1, 1, 2, 3));
+}
+
 TEST_F(PlyTest, FacesKeepTheirIdsWhateverTheyAre) {
   std::string text = Header("ascii", 8) + kSquare;
   // Two corners, a repeated corner, a triangle twice and turned round, 300 corners, none.
