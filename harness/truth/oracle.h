@@ -8,11 +8,13 @@
 #include <cstdint>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "datasets/scene/scene.h"
+#include "harness/truth/uv.h"
 
 namespace raybench {
 
@@ -50,13 +52,33 @@ enum class Verdict : uint8_t {
 const char* VerdictName(
     Verdict verdict);  ///< "exact", "tie", "neighbour", "leak", "wrong", "wrong_marginal", ...
 
+/// All that is said of one answer.
+struct Judged {
+  Verdict verdict = Verdict::kExact;
+  bool strict = true;             ///< the answer which `exact` promises: IsStrict(); any hit: the class exact
+  std::optional<double> t_error;  ///< ulp of float; of exact, tie and neighbour hits
+  std::optional<double> uv_error;  ///< in units of its bound, UvTruth::Error(); of hits that are no errors
+
+  /// A leak or a plain error: what no sound test answers.
+  bool IsError() const {
+    return verdict == Verdict::kLeak || verdict == Verdict::kWrong || verdict == Verdict::kFalseMiss ||
+           verdict == Verdict::kFalseHit;
+  }
+  bool UvWrong() const { return uv_error && !(*uv_error <= 1); }
+  /// A tree claiming `claim` may not give this answer: EXACT allows only strict ones, WATERTIGHT no leak and
+  /// no plain error, both no u or v beyond its bound; the others allow all.
+  bool Breaks(uint32_t claim) const;
+};
+
 /// How many rays of a set fell into each class, and the errors of t among the right hits.
 struct VerdictCounts {
   uint64_t rays = 0;
   uint64_t by_class[size_t(Verdict::kCount)] = {};
-  uint64_t strict = 0;  ///< answers, all of class exact, that are the one which `exact` promises: IsStrict()
+  uint64_t strict = 0;
   double t_error_p50 = 0, t_error_p99 = 0,
          t_error_max = 0;  ///< ulp of float; over exact, tie and neighbour hits
+  uint64_t uv_judged = 0, uv_wrong = 0;
+  double uv_error_max = 0;  ///< in units of the bound; finite ones
 
   uint64_t operator[](Verdict v) const { return by_class[size_t(v)]; }
   uint64_t plain_errors() const;  ///< wrong + false_miss + false_hit, not marginal
@@ -78,6 +100,8 @@ class Oracle {
   virtual Verdict Judge(const rb_ray& ray, const Truth& truth, const rb_hit& answer) const = 0;
   /// Judges an any-hit answer: occluded must equal truth.hit; else false_hit/false_miss (marginal) or leak.
   virtual Verdict JudgeAny(const rb_ray& ray, const Truth& truth, bool occluded) const = 0;
+  /// TrueUv() in the oracle's scene.
+  virtual UvTruth Uv(const rb_ray& ray, const rb_hit& answer) const = 0;
   /// Derives the truth of `count` of these rays, chosen by `seed`, a second time by arithmetic that shares
   /// nothing with Ask() but the search for triangles near the ray; where there are procedural primitives,
   /// only what is true of the triangles among them. Returns how many it was: all if they are
@@ -97,28 +121,27 @@ std::unique_ptr<Oracle> MakeBoxOracle(const Scene& scene);
 /// The one over CGAL, or the other in a build without.
 std::unique_ptr<Oracle> MakeOracle(const Scene& scene);
 
-/// Judges all answers of a set; hits for RB_CLOSEST sets, occluded for RB_ANY. `verdicts`, if not null,
-/// becomes the class of each.
+/// Judges one closest-hit answer in every respect. `has_uv`: the tree was built with RB_NEED_UV.
+Judged JudgeHit(const Oracle& oracle, const rb_ray& ray, const Truth& truth, const rb_hit& answer,
+                bool has_uv = true);
+/// Judges one any-hit answer.
+Judged JudgeOccluded(const Oracle& oracle, const rb_ray& ray, const Truth& truth, bool occluded);
+
+/// Judges all answers of a set; hits for RB_CLOSEST sets, occluded for RB_ANY. `judged`, if not null, becomes
+/// what is said of each.
 VerdictCounts JudgeAll(const Oracle& oracle, uint32_t query_kind, std::span<const rb_ray> rays,
                        std::span<const Truth> truth, std::span<const rb_hit> hits,
                        std::span<const uint8_t> occluded, uint32_t threads,
-                       std::vector<Verdict>* verdicts = nullptr);
+                       std::vector<Judged>* judged = nullptr);
 
 /// Where the ray ends: at tfar, or where t is no float any more. By the contract a hit with no finite t is
 /// none: whoever says what is true keeps to this, oracles and audit.
 inline float LastT(const rb_ray& ray) { return std::min(ray.tfar, std::numeric_limits<float>::max()); }
 
-/// Whether an answer of this class has an error of t: it is right, and one t is. On a ray that lies in the
-/// plane of what it meets, many are.
-inline bool HasErrorOfT(const Truth& truth, Verdict verdict) {
-  return truth.hit && !truth.coplanar && verdict <= Verdict::kNeighbour;
-}
-
 /// |answer - truth| in ulp of float at the truth.
 double ErrorInUlp(float answer, double truth);
 
-/// True if a tree claiming `claim` may not give these answers: EXACT allows only strict ones; WATERTIGHT no
-/// leak and no plain error; the others allow all.
+/// True if a tree claiming `claim` may not give all of these answers: Judged::Breaks() of one of them.
 bool BreaksClaim(uint32_t claim, const VerdictCounts& counts);
 
 }  // namespace raybench

@@ -9,93 +9,12 @@
 #include "accel/base/float_state.h"
 #include "accel/base/parallel.h"
 #include "accel/ray/exact.h"
+#include "harness/truth/sheared.h"
 
 namespace raybench {
 namespace {
 
-constexpr double kU = 0x1p-24;
-constexpr double kTiny = 0x1p-148;  // rounding of subnormal floats
 constexpr size_t kPatchLimit = 512;
-
-exact::Corners Points(const Scene& scene, uint32_t triangle) {
-  const auto& v = scene.triangles[triangle];
-  return {ToDouble(scene.positions[v[0]]), ToDouble(scene.positions[v[1]]), ToDouble(scene.positions[v[2]])};
-}
-
-/// A triangle in Woop's coordinates, with the errors that float arithmetic may have made.
-struct Sheared {
-  double x[3], y[3], z[3];  // z in units of t
-  double dx[3], dy[3];
-  double edge[3], bound[3];  // edge i lies opposite vertex i
-
-  Sheared(const rb_ray& ray, const exact::Corners& p) {
-    const Vec3d o = ToDouble(LoadVec3(ray.org)), d = ToDouble(LoadVec3(ray.dir));
-    int kz = 0;
-    for (int k = 1; k < 3; ++k)
-      if (std::fabs(d[k]) > std::fabs(d[kz])) kz = k;
-    const int kx = (kz + 1) % 3, ky = (kz + 2) % 3;
-    const double sx = d[kx] / d[kz], sy = d[ky] / d[kz];
-    for (size_t i = 0; i < 3; ++i) {
-      const Vec3d a = p[i] - o;
-      x[i] = a[kx] - sx * a[kz], dx[i] = 4 * kU * (std::fabs(a[kx]) + std::fabs(sx * a[kz])) + kTiny;
-      y[i] = a[ky] - sy * a[kz], dy[i] = 4 * kU * (std::fabs(a[ky]) + std::fabs(sy * a[kz])) + kTiny;
-      z[i] = a[kz] / d[kz];
-    }
-    for (int i = 0; i < 3; ++i) {
-      const int b = (i + 1) % 3, c = (i + 2) % 3;
-      const double first = x[c] * y[b], second = y[c] * x[b];
-      edge[i] = first - second;
-      bound[i] = std::fabs(x[c]) * dy[b] + std::fabs(y[b]) * dx[c] + std::fabs(y[c]) * dx[b] +
-                 std::fabs(x[b]) * dy[c] + dx[c] * dy[b] + dy[c] * dx[b] +
-                 4 * kU * (std::fabs(first) + std::fabs(second)) + kTiny;
-    }
-  }
-
-  /// The ray lies in the widened box of these vertices.
-  bool BoxHolds(std::initializer_list<int> vertices) const {
-    bool left = false, right = false, below = false, above = false;
-    for (int i : vertices) {
-      left |= x[i] - dx[i] <= 0, right |= x[i] + dx[i] >= 0;
-      below |= y[i] - dy[i] <= 0, above |= y[i] + dy[i] >= 0;
-    }
-    return left && right && below && above;
-  }
-  bool NearEdge(int i) const {
-    return std::fabs(edge[i]) <= bound[i] && BoxHolds({(i + 1) % 3, (i + 2) % 3});
-  }
-  bool Possible() const {
-    bool positive = true, negative = true;
-    for (int i = 0; i < 3; ++i) positive &= edge[i] >= -bound[i], negative &= edge[i] <= bound[i];
-    return (positive || negative) && BoxHolds({0, 1, 2});
-  }
-  /// Parity of how often the triangle covers the ray.
-  bool Covers() const {
-    bool odd = false;
-    for (int a = 0; a < 3; ++a) {
-      const int b = (a + 1) % 3;
-      const double turn = x[a] * y[b] - y[a] * x[b];
-      if (y[a] <= 0 && y[b] > 0) odd ^= turn > 0;
-      if (y[b] <= 0 && y[a] > 0) odd ^= turn < 0;
-    }
-    return odd;
-  }
-  Appraisal Appraise() const {
-    Appraisal result;
-    result.possible = Possible();
-    const double det = edge[0] + edge[1] + edge[2], slack = bound[0] + bound[1] + bound[2];
-    const auto [lo, hi] = std::minmax({z[0], z[1], z[2]});
-    const double rounding = 12 * kU * std::max(std::fabs(lo), std::fabs(hi));
-    result.t = 0.5 * (lo + hi), result.t_error = 0.5 * (hi - lo) + rounding;
-    if (std::fabs(det) <= 2 * slack) return result;
-    double t = 0, weighted = 0;
-    for (int i = 0; i < 3; ++i) t += edge[i] * z[i];
-    t /= det;
-    for (int i = 0; i < 3; ++i) weighted += bound[i] * std::fabs(z[i] - t);
-    const double error = weighted / (std::fabs(det) - slack) + rounding;
-    if (error < result.t_error) result.t = t, result.t_error = error;
-    return result;
-  }
-};
 
 /// Rows over GF(2); true if `target` is a sum of `rows`.
 bool InSpan(std::vector<std::vector<uint64_t>> rows, std::vector<uint64_t> target) {
@@ -143,7 +62,7 @@ Patch Surround(const Scene& scene, const Adjacency& adjacency, const rb_ray& ray
   std::vector<Sheared> shapes;
   std::vector<std::pair<uint32_t, uint32_t>> edges;
   for (size_t m = 0; m < members.size(); ++m) {
-    const Sheared& shape = shapes.emplace_back(ray, Points(scene, members[m]));
+    const Sheared& shape = shapes.emplace_back(ray, CornersOf(scene, members[m]));
     const Adjacency::Corners corners = adjacency.CornersOf(members[m]);
     for (size_t i = 0; i < 3; ++i) {
       if (!shape.NearEdge(int(i))) continue;
@@ -262,7 +181,7 @@ std::vector<TrueHit> JudgingOracle::AllHits(const rb_ray& ray) const {
 
 Appraisal JudgingOracle::Appraise(const rb_ray& ray, uint32_t prim, int root) const {
   if (prim >= scene_.triangles.size()) return AppraiseProcedural(scene_, ray, prim, root);
-  return Sheared(ray, Points(scene_, prim)).Appraise();
+  return Sheared(ray, CornersOf(scene_, prim)).Appraise();
 }
 
 Appraisal JudgingOracle::AppraiseAt(const rb_ray& ray, uint32_t prim, double t) const {
@@ -295,7 +214,7 @@ bool JudgingOracle::AcceptedInPlane(const rb_ray& ray, const Truth& truth, const
   }
   if (answer.prim >= scene_.triangles.size()) return LiesInSurface(scene_, ray, answer.prim, answer.t);
   const exact::Line line(ray);
-  const exact::Corners p = Points(scene_, answer.prim);
+  const exact::Corners p = CornersOf(scene_, answer.prim);
   const double slack = EightUlp(answer.t);
   return exact::Meet(line, p) == exact::Meeting::kInPlane &&
          exact::MeetsInPlane(line, p, float(answer.t - slack), float(answer.t + slack));
@@ -403,28 +322,54 @@ uint64_t VerdictCounts::plain_errors() const {
   return (*this)[Verdict::kWrong] + (*this)[Verdict::kFalseMiss] + (*this)[Verdict::kFalseHit];
 }
 
+bool Judged::Breaks(uint32_t claim) const {
+  if (claim == RB_CLAIM_EXACT) return !strict || UvWrong();
+  return claim == RB_CLAIM_WATERTIGHT && (IsError() || UvWrong());
+}
+
+Judged JudgeHit(const Oracle& oracle, const rb_ray& ray, const Truth& truth, const rb_hit& answer,
+                bool has_uv) {
+  Judged judged;
+  judged.strict = oracle.IsStrict(ray, truth, answer);
+  if (!judged.strict) judged.verdict = oracle.Judge(ray, truth, answer);
+  // Where the ray lies in the plane of what it meets, many t are right.
+  if (truth.hit && !truth.coplanar && judged.verdict <= Verdict::kNeighbour)
+    judged.t_error = ErrorInUlp(answer.t, truth.t);
+  if (!has_uv || answer.prim == RAYBENCH_NONE || judged.IsError()) return judged;
+  if (const UvTruth uv = oracle.Uv(ray, answer); uv.known) judged.uv_error = uv.Error(answer);
+  return judged;
+}
+
+Judged JudgeOccluded(const Oracle& oracle, const rb_ray& ray, const Truth& truth, bool occluded) {
+  Judged judged;
+  judged.verdict = oracle.JudgeAny(ray, truth, occluded);
+  judged.strict = judged.verdict == Verdict::kExact;
+  return judged;
+}
+
 VerdictCounts JudgeAll(const Oracle& oracle, uint32_t query_kind, std::span<const rb_ray> rays,
                        std::span<const Truth> truth, std::span<const rb_hit> hits,
-                       std::span<const uint8_t> occluded, uint32_t threads,
-                       std::vector<Verdict>* verdicts_out) {
+                       std::span<const uint8_t> occluded, uint32_t threads, std::vector<Judged>* judged_out) {
   const bool closest = query_kind == RB_CLOSEST;
   if (truth.size() != rays.size() || (closest ? hits.size() : occluded.size()) != rays.size())
     throw InputError("verdict: rays, truth and answers differ in number");
-  std::vector<Verdict> verdicts(rays.size());
-  std::vector<uint8_t> strict(rays.size());
+  std::vector<Judged> judged(rays.size());
   ForEachOnThreads(rays.size(), threads, [&](size_t i) {
-    verdicts[i] = closest ? oracle.Judge(rays[i], truth[i], hits[i])
-                          : oracle.JudgeAny(rays[i], truth[i], occluded[i] != 0);
-    strict[i] = closest ? oracle.IsStrict(rays[i], truth[i], hits[i]) : verdicts[i] == Verdict::kExact;
+    judged[i] = closest ? JudgeHit(oracle, rays[i], truth[i], hits[i])
+                        : JudgeOccluded(oracle, rays[i], truth[i], occluded[i] != 0);
   });
 
   VerdictCounts counts;
   counts.rays = rays.size();
   std::vector<double> errors;
-  for (size_t i = 0; i < rays.size(); ++i) {
-    ++counts.by_class[size_t(verdicts[i])];
-    counts.strict += strict[i];
-    if (closest && HasErrorOfT(truth[i], verdicts[i])) errors.push_back(ErrorInUlp(hits[i].t, truth[i].t));
+  for (const Judged& j : judged) {
+    ++counts.by_class[size_t(j.verdict)];
+    counts.strict += j.strict;
+    if (j.t_error) errors.push_back(*j.t_error);
+    if (!j.uv_error) continue;
+    ++counts.uv_judged;
+    counts.uv_wrong += j.UvWrong();
+    if (std::isfinite(*j.uv_error)) counts.uv_error_max = std::max(counts.uv_error_max, *j.uv_error);
   }
   if (!errors.empty()) {
     std::sort(errors.begin(), errors.end());
@@ -434,14 +379,13 @@ VerdictCounts JudgeAll(const Oracle& oracle, uint32_t query_kind, std::span<cons
     counts.t_error_p50 = percentile(50), counts.t_error_p99 = percentile(99),
     counts.t_error_max = errors.back();
   }
-  if (verdicts_out != nullptr) *verdicts_out = std::move(verdicts);
+  if (judged_out != nullptr) *judged_out = std::move(judged);
   return counts;
 }
 
 bool BreaksClaim(uint32_t claim, const VerdictCounts& counts) {
-  if (claim == RB_CLAIM_EXACT) return counts.strict != counts.rays;
-  if (claim == RB_CLAIM_WATERTIGHT) return counts.leaks() + counts.plain_errors() > 0;
-  return false;
+  if (claim == RB_CLAIM_EXACT) return counts.strict != counts.rays || counts.uv_wrong > 0;
+  return claim == RB_CLAIM_WATERTIGHT && counts.leaks() + counts.plain_errors() + counts.uv_wrong > 0;
 }
 
 void ForEachOnThreads(size_t count, uint32_t threads, const std::function<void(size_t)>& body) {

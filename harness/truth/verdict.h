@@ -53,6 +53,7 @@ class JudgingOracle : public Oracle {
   bool IsStrict(const rb_ray& ray, const Truth& truth, const rb_hit& answer) const final;
   std::vector<Truth> Ask(std::span<const rb_ray> rays, uint32_t threads) const final;
   bool Exact() const final { return true; }
+  UvTruth Uv(const rb_ray& ray, const rb_hit& answer) const final { return TrueUv(scene_, ray, answer); }
   Verdict Judge(const rb_ray& ray, const Truth& truth, const rb_hit& answer) const final;
   Verdict JudgeAny(const rb_ray& ray, const Truth& truth, bool occluded) const final;
 

@@ -130,6 +130,8 @@ double ErrorHistogram::Percentile(uint64_t percent) const {
 
 void VerdictRow::Add(const VerdictCounts& more) {
   counts.rays += more.rays, counts.strict += more.strict;
+  counts.uv_judged += more.uv_judged, counts.uv_wrong += more.uv_wrong;
+  counts.uv_error_max = std::max(counts.uv_error_max, more.uv_error_max);
   for (size_t v = 0; v < size_t(Verdict::kCount); ++v) counts.by_class[v] += more.by_class[v];
 }
 
@@ -143,18 +145,10 @@ bool VerifiedTree::Broken() const {
   return !ClaimHolds() || !contract_flaw.empty() || (statistics && !statistics->flaw.empty());
 }
 
-int Badness(Verdict verdict, uint32_t claim) {
+int Badness(const Judged& judged, uint32_t claim) {
   if (claim == RB_CLAIM_NOTHING) return 3;
-  switch (verdict) {
-    case Verdict::kLeak:
-      return 0;
-    case Verdict::kWrong:
-    case Verdict::kFalseMiss:
-    case Verdict::kFalseHit:
-      return 1;
-    default:
-      return claim == RB_CLAIM_EXACT && verdict != Verdict::kExact ? 2 : 3;
-  }
+  if (judged.verdict == Verdict::kLeak) return 0;
+  return judged.IsError() ? 1 : judged.Breaks(claim) ? 2 : 3;
 }
 
 std::string FormatUpperRate(uint64_t events, uint64_t trials) {

@@ -79,7 +79,7 @@ struct ReplayContext {
 };
 
 /// Worst first: 0 leak, 1 plain error, 2 what else breaks `claim`; 3 nothing to show.
-int Badness(Verdict verdict, uint32_t claim);
+int Badness(const Judged& judged, uint32_t claim);
 
 std::string FormatVerified(const VerifiedTree& tree, const ReplayContext& context);
 /// The command that judges this ray alone.

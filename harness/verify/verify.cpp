@@ -349,23 +349,20 @@ class Verification {
       if (!result.contract_flaw.empty())
         result.contract_flaw += fmt::format(" (of those from {} on, of set {})", chunk.first, row.set);
     }
-    std::vector<Verdict> verdicts;
+    std::vector<Judged> judged;
     row.Add(JudgeAll(*oracle_, row.query, rays, chunk.truth, answers.hits, answers.occluded, options_.threads,
-                     &verdicts));
+                     &judged));
     for (size_t i = 0; i < rays.size(); ++i) {
       const Truth& truth = chunk.truth[i];
-      if (row.query == RB_CLOSEST && HasErrorOfT(truth, verdicts[i]))
-        row.t_errors.Add(ErrorInUlp(answers.hits[i].t, truth.t));
-      const bool loose = result.claim == RB_CLAIM_EXACT && row.query == RB_CLOSEST &&
-                         !oracle_->IsStrict(rays[i], truth, answers.hits[i]);
-      const int badness = std::min(Badness(verdicts[i], result.claim), loose ? 2 : 3);
+      if (judged[i].t_error) row.t_errors.Add(*judged[i].t_error);
+      const int badness = Badness(judged[i], result.claim);
       if (badness > 2) continue;
       const uint64_t nth = row.bad[badness]++;
       if (nth >= options_.examples) continue;
       entrant.kept.push_back({badness,
                               nth,
                               {row.set, row.query, chunk.first + i * chunk.step, rays[i], answers.hits[i],
-                               answers.occluded[i] != 0, truth, verdicts[i]}});
+                               answers.occluded[i] != 0, truth, judged[i].verdict}});
     }
   }
 
@@ -571,9 +568,9 @@ int ReplayOneRay(const Registry& registry, const VerifyOptions& options, const s
       set.rays = {ray};
       Answers answers(1);
       tree.Query(answers.Ask(set));
-      std::vector<Verdict> verdicts;
-      const VerdictCounts counts = JudgeAll(*oracle, query, set.rays, truth, answers.hits, answers.occluded,
-                                            options.threads, &verdicts);
+      std::vector<Judged> judged;
+      const VerdictCounts counts =
+          JudgeAll(*oracle, query, set.rays, truth, answers.hits, answers.occluded, options.threads, &judged);
       const std::string flaw = ContractFlaw(set, answers, scene.primitive_count());
       const bool breaks = BreaksClaim(tree.Claims(), counts) || !flaw.empty();
       broken |= breaks;
@@ -582,7 +579,7 @@ int ReplayOneRay(const Registry& registry, const VerifyOptions& options, const s
                  : breaks      ? ": BROKEN"
                                : "",
                  FormatExample({"replay", query, 0, ray, answers.hits[0], answers.occluded[0] != 0, truth[0],
-                                verdicts[0]}));
+                                judged[0].verdict}));
       if (query == RB_CLOSEST && truth[0].hit && !truth[0].coplanar && answers.hits[0].prim != RAYBENCH_NONE)
         fmt::print("     t is off by {:.3g} ulp\n", ErrorInUlp(answers.hits[0].t, truth[0].t));
     }

@@ -217,27 +217,23 @@ TEST_P(Subnormal, EveryClaimIsKept) {
     if (tree.Claims() != RB_CLAIM_WATERTIGHT && tree.Claims() != RB_CLAIM_EXACT) return;
     const std::vector<rb_hit> hits = Closest(tree, known->rays);
     const std::vector<uint8_t> occluded = Occluded(tree, known->rays);
-    std::vector<Verdict> verdicts;
+    std::vector<Judged> judged;
     const VerdictCounts closest =
-        JudgeAll(*known->oracle, RB_CLOSEST, known->rays, known->truth, hits, {}, 0, &verdicts);
+        JudgeAll(*known->oracle, RB_CLOSEST, known->rays, known->truth, hits, {}, 0, &judged);
     const VerdictCounts any = JudgeAll(*known->oracle, RB_ANY, known->rays, known->truth, {}, occluded, 0);
     EXPECT_FALSE(BreaksClaim(tree.Claims(), any))
         << any.leaks() << " leaks, " << any.plain_errors() << " plain errors";
     if (!BreaksClaim(tree.Claims(), closest)) continue;
     ADD_FAILURE() << closest.leaks() << " leaks, " << closest.plain_errors() << " plain errors, "
-                  << closest.rays - closest.strict << " not exact";
+                  << closest.rays - closest.strict << " not exact, " << closest.uv_wrong << " u or v wrong";
     for (size_t i = 0, shown = 0; i < hits.size() && shown < 3; ++i) {
-      const bool bad = tree.Claims() == RB_CLAIM_EXACT
-                           ? !known->oracle->IsStrict(known->rays[i], known->truth[i], hits[i])
-                           : verdicts[i] == Verdict::kLeak || verdicts[i] == Verdict::kWrong ||
-                                 verdicts[i] == Verdict::kFalseMiss || verdicts[i] == Verdict::kFalseHit;
-      if (!bad) continue;
+      if (!judged[i].Breaks(tree.Claims())) continue;
       ++shown;
       const rb_ray& r = known->rays[i];
       char text[400];
       std::snprintf(
           text, sizeof text, "%s: org %a %a %a dir %a %a %a in (%a, %a]: prim %d t %a; truth %d t %a",
-          VerdictName(verdicts[i]), r.org[0], r.org[1], r.org[2], r.dir[0], r.dir[1], r.dir[2], r.tnear,
+          VerdictName(judged[i].verdict), r.org[0], r.org[1], r.org[2], r.dir[0], r.dir[1], r.dir[2], r.tnear,
           r.tfar, int(hits[i].prim), hits[i].t, int(known->truth[i].first), known->truth[i].t);
       ADD_FAILURE() << text;
     }
