@@ -9,7 +9,7 @@
 
 #include "datasets/scene/needs.h"
 #include "harness/judge/bound_tightness.h"
-#include "harness/judge/check.h"
+#include "harness/judge/claim.h"
 #include "harness/judge/end_point_overlap.h"
 #include "harness/judge/tree_statistics.h"
 #include "harness/judge/truth_cache.h"
@@ -350,8 +350,8 @@ bool SceneRun::Judge(Entrant& entrant) {
   for (size_t i = 0; i < sets_.size(); ++i) {
     if (!entrant.Answers(i)) continue;
     ThrowIfInterrupted();
-    const std::string broken = CheckAnswers(entrant.tree, *oracle_, scene().primitive_count(), sets_[i],
-                                            entrant.set_values[i], *answers_, *counted_);
+    const std::string broken =
+        CheckAnswers(entrant.tree, *oracle_, scene(), sets_[i], entrant.set_values[i], *answers_, *counted_);
     if (!broken.empty() && flaw.empty()) flaw = fmt::format("{}: {}", sets_[i].set.Label(), broken);
     schedule_.Update(double(i + 1) / double(sets_.size()));
   }

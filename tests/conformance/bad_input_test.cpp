@@ -8,7 +8,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "harness/judge/check.h"
+#include "harness/run/prepared_set.h"
 #include "tests/support/conformance.h"
 #include "tests/support/effort.h"
 #include "tracer/rays/ray_set.h"
@@ -224,7 +224,7 @@ TEST_P(BadInput, ARunCountsInvalidRaysAndRefusesNobodyForThem) {
     set.truth = oracle->Ask(set.picked, 1);
     Answers answers(set.set.rays.size()), counted(set.set.rays.size());
     Row values;
-    EXPECT_EQ(CheckAnswers(tree, *oracle, scene.primitive_count(), set, values, answers, counted), "");
+    EXPECT_EQ(CheckAnswers(tree, *oracle, scene, set, values, answers, counted), "");
     for (size_t i = 0; i < set.set.invalid_rays; ++i) {
       EXPECT_FALSE(query == RB_ANY ? answers.occluded[i] != 0 : answers.hits[i].prim != RAYBENCH_NONE) << i;
     }
