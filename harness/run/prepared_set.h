@@ -14,7 +14,6 @@ namespace raybench {
 /// A ray set with the truth of a seeded part of it.
 struct PreparedSet : SourcedSet {
   std::vector<uint32_t> picks;
-  std::vector<rb_ray> picked;
   std::vector<Truth> truth;
 
   Question Asked() const { return {set.query, set.rays}; }

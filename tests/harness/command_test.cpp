@@ -521,7 +521,7 @@ TEST_F(HarnessCommand, AStructureThatLiesIsRefusedAndGetsNoTime) {
   EXPECT_EQ(outcome.exit_code, 1) << outcome.err;
   EXPECT_NE(outcome.out.find("REFUSED"), std::string::npos);
   const std::map<std::string, std::string> says = {
-      {"wrong_misses", "claims watertight, but of 512 rays "},
+      {"wrong_misses", "claims watertight, but of 256 rays 1 false_miss; ray 99: org (0x"},
       {"wrong_ids", "wrong"},
       {"wrong_bad_ids", "hits primitive 87 of 80"},
       {"wrong_counts", "is answered differently when counted"},
