@@ -99,8 +99,8 @@ enum {
 };
 
 /* What a built tree claims about its answers. A broken claim fails a run.
- * INEXACT: error rates are measured. WATERTIGHT: no leak and no plain (non-marginal) error.
- * EXACT: the truth on every ray. */
+ * INEXACT: error rates are measured. WATERTIGHT: no leak, no plain (non-marginal) error, and the u and v of
+ * triangles within float's error. EXACT: the truth on every ray, with such u and v. */
 enum { RB_CLAIM_NOTHING, RB_CLAIM_INEXACT, RB_CLAIM_WATERTIGHT, RB_CLAIM_EXACT };
 
 /* One node, shown by visit() in pre-order. bounds of a box: lo x y z, hi x y z; of a sphere: centre, radius;

@@ -29,9 +29,11 @@ How to read the table: every answer is compared with exact geometry.
   wrong, false miss, false hit   plain errors; in brackets marginal ones: at an outline or at an end of the
               interval, where the exact geometry lies within float's error
   t error     median, 99 % and maximum, in units in the last place of float
+  uv error    the largest of u and v on triangles, in units of what a sound float test may be off; in brackets how
+              many answers are off by more
   leak rate, plain rate   upper bounds at 95 %: no event among n rays means that the rate is below 3/n
-A structure that claims watertight may have no leak and no plain error; one that claims exact only exact,
-to the bit.
+A structure that claims watertight may have no leak, no plain error and no u or v that is off by more; one that
+claims exact only exact, to the bit, and such u and v.
 
 --closed N fires N rays from points inside a closed mesh at its edges and vertices. Whatever such a ray does, it hits;
 so a miss is a leak, and no truth is needed: it runs nearly as fast as the structure. --ledger FILE adds up over runs of

@@ -9,7 +9,7 @@
 #include <ranges>
 #include <span>
 
-#include "harness/judge/check.h"
+#include "harness/judge/claim.h"
 #include "harness/judge/tree_statistics.h"
 #include "harness/measure/measure.h"
 #include "harness/measure/statistics.h"
@@ -34,51 +34,16 @@ struct Entrant {
   Tree tree;
   std::vector<rb_ray> rays;
   std::vector<uint32_t> skip;
-  std::vector<rb_hit> hits;
+  Answers answers;
   std::vector<double> pass_ns;
 
-  rb_query Query() {
-    rb_query query = {};
-    query.struct_size = sizeof query;
-    query.kind = RB_CLOSEST;
-    query.n = rays.size();
-    query.rays = rays.data();
-    query.skip = skip.empty() ? nullptr : skip.data();
-    query.hits = hits.data();
-    return query;
-  }
+  Question Asked() const { return {RB_CLOSEST, rays, skip}; }
 };
 
 uint64_t RaysFor(const Contestant& contestant, const Scene& scene, uint64_t rays) {
   if ((contestant.structure->capabilities & RB_LINEAR) == 0) return rays;
   const auto affordable = uint64_t(kLinearBudget / double(std::max<uint64_t>(1, scene.primitive_count())));
   return std::min(rays, std::max(kFewestRays, affordable));
-}
-
-/// As C writes floats without loss.
-std::string Exactly(const float (&v)[3]) { return fmt::format("({:a}, {:a}, {:a})", v[0], v[1], v[2]); }
-
-/// The first ray that breaks the claim, with all that replays it in the scene of this point.
-std::string FirstBreaking(const Oracle& oracle, uint32_t claim, const Entrant& e,
-                          std::span<const Truth> truth) {
-  for (size_t i = 0; i < e.rays.size(); ++i) {
-    const rb_ray& ray = e.rays[i];
-    const VerdictCounts one =
-        JudgeAll(oracle, RB_CLOSEST, {&ray, 1}, truth.subspan(i, 1), {&e.hits[i], 1}, {}, 1);
-    if (!BreaksClaim(claim, one)) continue;
-    const bool exact = claim == RB_CLAIM_EXACT;
-    const Truth& t = truth[i];
-    return fmt::format(
-        "ray {}: org {} dir {} tnear {} is answered primitive {} at t {:a} ({}); true is primitive {} at t "
-        "{:a}",
-        i, Exactly(ray.org), Exactly(ray.dir), ray.tnear, int32_t(e.hits[i].prim), e.hits[i].t,
-        VerdictName(oracle.Judge(ray, t, e.hits[i])),
-        !t.hit  ? int64_t{-1}
-        : exact ? int64_t{t.first}
-                : int64_t{t.tied.front()},
-        exact ? t.t_rounded : t.t);
-  }
-  return "no single ray breaks it";
 }
 
 class PointRun {
@@ -165,16 +130,15 @@ class PointRun {
     }
     e.rays.assign(work_.rays.begin(),
                   work_.rays.begin() + long(RaysFor(*e.contestant, work_.scene, work_.rays.size())));
-    e.hits.resize(e.rays.size());
+    e.answers = Answers(e.rays.size());
     if (work_.leave) {
-      e.tree.Query(e.Query());
-      work_.leave(work_.scene, e.hits, e.rays, e.skip);
+      Ask(e.tree, e.Asked(), e.answers, 1);
+      work_.leave(work_.scene, e.answers.hits, e.rays, e.skip);
       if (!e.skip.empty() && (e.tree.structure().capabilities & RB_CAN_SKIP) == 0)
         return Skip(e, "the structure cannot skip a primitive");
-      e.hits.resize(e.rays.size());
+      e.answers = Answers(e.rays.size());
     }
     if (e.rays.empty()) return Skip(e, "no ray reaches the surface");
-    e.tree.Query(e.Query());
     Judge(e, std::move(flaw));
   }
 
@@ -188,29 +152,26 @@ class PointRun {
     const std::span<const Truth> truth = std::span(work_.leave ? own : truth_).first(e.rays.size());
     e.row[column::rays] = e.rays.size();
     e.row[column::status] = "measured";
-    uint64_t failures = 0, second = 0, second_rays = 0, other = 0;
+    Ask(e.tree, e.Asked(), e.answers, 1);
+    const Verdicts verdicts = JudgeAnswers(e.tree.Claims(), *oracle_, work_.scene.primitive_count(),
+                                           e.Asked(), {truth}, e.answers, 0);
+    const VerdictCounts& counts = verdicts.counts;
+    uint64_t failures = counts.leaks() + counts.plain_errors(), second = 0, second_rays = 0;
+    if (work_.fails) failures = 0;
     for (size_t i = 0; i < e.rays.size(); ++i) {
-      if (work_.fails) failures += work_.fails(truth[i], e.hits[i]);
+      const rb_hit& hit = e.answers.hits[i];
+      if (work_.fails) failures += work_.fails(truth[i], hit);
       if (work_.second && (!work_.second_on_odd_rays || i % 2 != 0))
-        ++second_rays, second += work_.second(truth[i], e.hits[i]);
+        ++second_rays, second += work_.second(truth[i], hit);
     }
-    // The oracle knows no skipped primitive.
-    if (e.skip.empty()) {
-      const VerdictCounts counts = JudgeAll(*oracle_, RB_CLOSEST, e.rays, truth, e.hits, {}, 0);
-      if (!work_.fails) failures = counts.leaks() + counts.plain_errors();
-      for (size_t v = 0; v < size_t(Verdict::kCount); ++v)
-        e.row[ClassColumn(Verdict(v))] = counts.by_class[v];
-      other = counts.rays - counts[Verdict::kExact] - counts[Verdict::kTie];
-      e.row[column::other_primitive] = other;
-      if (other < counts.rays) {
-        e.row[column::t_error_p50] = counts.t_error_p50;
-        e.row[column::t_error_p99] = counts.t_error_p99;
-        e.row[column::t_error_max] = counts.t_error_max;
-      }
-      if (flaw.empty() && BreaksClaim(e.tree.Claims(), counts))
-        flaw = fmt::format("claims {}; {}", ClaimName(e.tree.Claims()),
-                           FirstBreaking(*oracle_, e.tree.Claims(), e, truth));
+    if (counts.rays > 0) {
+      SetClasses(e.row, counts);
+      SetErrorsOfT(e.row, counts);
+      e.row[column::other_primitive] = counts.rays - counts[Verdict::kExact] - counts[Verdict::kTie];
     }
+    if (flaw.empty()) flaw = verdicts.contract_flaw;
+    if (flaw.empty())
+      flaw = BrokenClaim(e.tree.Claims(), counts, verdicts.breaking, work_.scene.scale_exponent);
     e.row[column::failures] = failures;
     e.row[column::failure_rate] = double(failures) / double(e.rays.size());
     e.row[column::failure_bound] = UpperRate(failures, e.rays.size());
@@ -231,7 +192,7 @@ class PointRun {
         ThrowIfInterrupted();
         const Pinned pinned(true);
         const Stopwatch watch(/*process=*/false);
-        e.tree.Query(e.Query());
+        Ask(e.tree, e.Asked(), e.answers, 1);
         e.pass_ns.push_back(watch.Elapsed().cpu * 1e9 / double(e.rays.size()));
       }
     }

@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "tracer/tracer.h"
-
 namespace raybench {
 namespace {
 
@@ -29,13 +27,9 @@ const RaySet& Ladder::RaysOf(const Part& part) {
 }
 
 std::function<void()> Ladder::PassOver(const Tree& tree, const Part& part) {
-  return [&tree, &set = RaysOf(part), &answers = answers_, threads = part.threads] {
-    const rb_query query = answers.Ask(set);
-    if (threads == 1) {
-      tree.Query(query);
-    } else {
-      QueryParallel(tree, query, threads);
-    }
+  const RaySet& set = RaysOf(part);
+  return [&tree, question = Question{set.query, set.rays}, &answers = answers_, threads = part.threads] {
+    Ask(tree, question, answers, threads);
   };
 }
 

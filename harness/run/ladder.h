@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "accel/host/registry.h"
-#include "harness/judge/check.h"
 #include "harness/measure/measure.h"
 #include "harness/plan/time_budget.h"
+#include "harness/run/prepared_set.h"
 
 namespace raybench {
 

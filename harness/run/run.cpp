@@ -12,7 +12,7 @@
 #include "datasets/models/fetch.h"
 #include "datasets/scene/facts.h"
 #include "datasets/scene/needs.h"
-#include "harness/judge/check.h"
+#include "harness/judge/ask.h"
 #include "harness/measure/machine.h"
 #include "harness/measure/measure.h"
 #include "harness/plan/build_options.h"
@@ -188,9 +188,8 @@ class Run {
     const uint32_t side = 16;
     const CameraRays camera(scene, side, side);
     for (uint32_t i = 0; i < side * side; ++i) rays.push_back(camera.Through(i % side + 0.5, i / side + 0.5));
-    RaySet set;
-    set.rays = std::move(rays);
-    Answers answers(set.rays.size());
+    const Question question{RB_CLOSEST, rays};
+    Answers answers(rays.size());
     for (const Contestant& contestant : contestants_) {
       const rb_structure& structure = *contestant.structure;
       if (!WhyNotTaken(structure, scene).empty() || (structure.capabilities & RB_LINEAR) != 0) continue;
@@ -201,9 +200,9 @@ class Run {
         const double begin = progress_.Elapsed();
         const Tree tree(contestant, scene.Geometry(), build);
         const double built = progress_.Elapsed();
-        tree.Query(answers.Ask(set));
+        Ask(tree, question, answers, 1);
         prices_[{index, contestant.Spec()}] = {built - begin,
-                                               (progress_.Elapsed() - built) / double(set.rays.size())};
+                                               (progress_.Elapsed() - built) / double(rays.size())};
       } catch (const BuildError&) {
         ThrowIfInterrupted();  // what cannot be built is skipped, with the reason, when its turn comes
       } catch (const std::bad_alloc&) {

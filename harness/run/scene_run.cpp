@@ -9,7 +9,7 @@
 
 #include "datasets/scene/needs.h"
 #include "harness/judge/bound_tightness.h"
-#include "harness/judge/check.h"
+#include "harness/judge/claim.h"
 #include "harness/judge/end_point_overlap.h"
 #include "harness/judge/tree_statistics.h"
 #include "harness/judge/truth_cache.h"
@@ -86,7 +86,7 @@ void SceneRun::Note(const std::string& text) {
 
 void SceneRun::Prepare() {
   std::vector<SourcedSet> sourced = context_.replays ? std::exchange(record_.replayed, {}) : CaptureSets();
-  for (SourcedSet& s : sourced) sets_.push_back({std::move(s), {}, {}, {}});
+  for (SourcedSet& s : sourced) sets_.push_back({std::move(s), {}, {}});
   for (const PreparedSet& s : sets_) {
     if (s.set.invalid_rays > 0)
       Note(fmt::format("{}: {} of {} rays are invalid and taken for misses", s.set.Label(),
@@ -205,14 +205,15 @@ void SceneRun::AskForTruth() {
   for (size_t i = 0; i < sets_.size(); ++i) {
     PreparedSet& s = sets_[i];
     s.picks = PickSample(s.set.rays.size(), options_.RaysVerified(), options_.seed, s.set.hash);
-    for (uint32_t pick : s.picks) s.picked.push_back(s.set.rays[pick]);
+    std::vector<rb_ray> picked;
+    for (uint32_t pick : s.picks) picked.push_back(s.set.rays[pick]);
     const auto progress = [&](double fraction) {
       ThrowIfInterrupted();
       schedule_.Update((double(i) + fraction) / double(sets_.size()));
     };
-    s.truth = CachedTruth(*oracle_, scene(), s.picked, 0,
+    s.truth = CachedTruth(*oracle_, scene(), picked, 0,
                           {progress, [&](const std::string& line) { context_.progress.Say(line); }});
-    audited += oracle_->Audit(s.picked, s.truth, options_.seed, kAuditedRays);
+    audited += oracle_->Audit(picked, s.truth, options_.seed, kAuditedRays);
   }
   record_.oracle = {{"name", oracle_->Name()}, {"exact", oracle_->Exact()}, {"audited", audited}};
 }
@@ -350,8 +351,8 @@ bool SceneRun::Judge(Entrant& entrant) {
   for (size_t i = 0; i < sets_.size(); ++i) {
     if (!entrant.Answers(i)) continue;
     ThrowIfInterrupted();
-    const std::string broken = CheckAnswers(entrant.tree, *oracle_, scene().primitive_count(), sets_[i],
-                                            entrant.set_values[i], *answers_, *counted_);
+    const std::string broken =
+        CheckAnswers(entrant.tree, *oracle_, scene(), sets_[i], entrant.set_values[i], *answers_, *counted_);
     if (!broken.empty() && flaw.empty()) flaw = fmt::format("{}: {}", sets_[i].set.Label(), broken);
     schedule_.Update(double(i + 1) / double(sets_.size()));
   }

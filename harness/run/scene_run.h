@@ -16,6 +16,7 @@
 #include "harness/results/results.h"
 #include "harness/run/entrant.h"
 #include "harness/run/ladder.h"
+#include "harness/run/prepared_set.h"
 #include "harness/run/schedule.h"
 #include "harness/terminal/progress.h"
 #include "harness/truth/oracle.h"

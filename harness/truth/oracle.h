@@ -83,6 +83,8 @@ struct VerdictCounts {
   uint64_t operator[](Verdict v) const { return by_class[size_t(v)]; }
   uint64_t plain_errors() const;  ///< wrong + false_miss + false_hit, not marginal
   uint64_t leaks() const { return (*this)[Verdict::kLeak]; }
+  /// Those of other answers too; the percentiles of t stay.
+  void Add(const VerdictCounts& more);
 };
 
 /// How many rays of a set `run` and `verify` give to Audit().
@@ -132,7 +134,7 @@ Judged JudgeOccluded(const Oracle& oracle, const rb_ray& ray, const Truth& truth
 VerdictCounts JudgeAll(const Oracle& oracle, uint32_t query_kind, std::span<const rb_ray> rays,
                        std::span<const Truth> truth, std::span<const rb_hit> hits,
                        std::span<const uint8_t> occluded, uint32_t threads,
-                       std::vector<Judged>* judged = nullptr);
+                       std::vector<Judged>* judged = nullptr, bool has_uv = true);
 
 /// Where the ray ends: at tfar, or where t is no float any more. By the contract a hit with no finite t is
 /// none: whoever says what is true keeps to this, oracles and audit.

@@ -338,6 +338,12 @@ uint64_t VerdictCounts::plain_errors() const {
   return (*this)[Verdict::kWrong] + (*this)[Verdict::kFalseMiss] + (*this)[Verdict::kFalseHit];
 }
 
+void VerdictCounts::Add(const VerdictCounts& more) {
+  rays += more.rays, strict += more.strict, uv_judged += more.uv_judged, uv_wrong += more.uv_wrong;
+  for (size_t v = 0; v < size_t(Verdict::kCount); ++v) by_class[v] += more.by_class[v];
+  uv_error_max = std::max(uv_error_max, more.uv_error_max);
+}
+
 bool Judged::Breaks(uint32_t claim) const {
   if (claim == RB_CLAIM_EXACT) return !strict || UvWrong();
   return claim == RB_CLAIM_WATERTIGHT && (IsError() || UvWrong());
@@ -365,13 +371,14 @@ Judged JudgeOccluded(const Oracle& oracle, const rb_ray& ray, const Truth& truth
 
 VerdictCounts JudgeAll(const Oracle& oracle, uint32_t query_kind, std::span<const rb_ray> rays,
                        std::span<const Truth> truth, std::span<const rb_hit> hits,
-                       std::span<const uint8_t> occluded, uint32_t threads, std::vector<Judged>* judged_out) {
+                       std::span<const uint8_t> occluded, uint32_t threads, std::vector<Judged>* judged_out,
+                       bool has_uv) {
   const bool closest = query_kind == RB_CLOSEST;
   if (truth.size() != rays.size() || (closest ? hits.size() : occluded.size()) != rays.size())
     throw InputError("verdict: rays, truth and answers differ in number");
   std::vector<Judged> judged(rays.size());
   ForEachOnThreads(rays.size(), threads, [&](size_t i) {
-    judged[i] = closest ? JudgeHit(oracle, rays[i], truth[i], hits[i])
+    judged[i] = closest ? JudgeHit(oracle, rays[i], truth[i], hits[i], has_uv)
                         : JudgeOccluded(oracle, rays[i], truth[i], occluded[i] != 0);
   });
 

@@ -14,7 +14,7 @@
 #include "accel/ray/exact.h"
 #include "datasets/models/fetch.h"
 #include "datasets/scene/needs.h"
-#include "harness/judge/check.h"
+#include "harness/judge/claim.h"
 #include "harness/measure/machine.h"
 #include "harness/measure/measure.h"
 #include "harness/plan/build_options.h"
@@ -246,27 +246,19 @@ class Campaign {
     FillClosedBatch(scene_, edges_, inside_, seed, batch, rays);
     Answers answers(kPiece);
     uint64_t misses = 0;
-    std::vector<VerifyExample> examples;
+    std::vector<JudgedAnswer> examples;
     for (size_t begin = 0; begin < n; begin += kPiece) {
-      rb_query query = {};
-      query.struct_size = sizeof query;
-      query.kind = options_.any ? RB_ANY : RB_CLOSEST;
-      query.n = std::min(kPiece, n - begin);
-      query.rays = rays.data() + begin;
-      query.hits = answers.hits.data(), query.occluded = answers.occluded.data();
-      tree.Query(query);
-      for (size_t i = 0; i < query.n; ++i) {
+      const std::span<const rb_ray> piece = std::span(rays).subspan(begin, std::min(kPiece, n - begin));
+      const Question question{options_.any ? RB_ANY : RB_CLOSEST, piece};
+      Ask(tree, question, answers, 1);
+      for (size_t i = 0; i < piece.size(); ++i) {
         if (options_.any ? answers.occluded[i] != 0 : answers.hits[i].prim != RAYBENCH_NONE) continue;
         ++misses;
-        if (examples.size() < options_.examples)
-          examples.push_back({"closed",
-                              query.kind,
-                              batch * kClosedBatch + begin + i,
-                              rays[begin + i],
-                              answers.hits[i],
-                              answers.occluded[i] != 0,
-                              {},
-                              Verdict::kLeak});
+        if (examples.size() >= options_.examples) continue;
+        JudgedAnswer& example = examples.emplace_back();
+        example.set = "closed", example.query = question.query;
+        example.index = batch * kClosedBatch + begin + i;
+        example.ray = piece[i], example.hit = answers.hits[i];
       }
     }
     const std::lock_guard lock(mutex_);
@@ -277,7 +269,7 @@ class Campaign {
 
   /// The same ones whatever threads fired them.
   void KeepLowest() {
-    const auto by_index = [](const VerifyExample& a, const VerifyExample& b) { return a.index < b.index; };
+    const auto by_index = [](const JudgedAnswer& a, const JudgedAnswer& b) { return a.index < b.index; };
     std::sort(examples_.begin(), examples_.end(), by_index);
     if (examples_.size() > options_.examples) examples_.resize(options_.examples);
   }
@@ -292,10 +284,10 @@ class Campaign {
                                 scene_.scale_exponent};
     for (size_t i = 0; i < examples_.size(); ++i) {
       // No miss needs the oracle; that it agrees shows that the mesh is closed and the oracle is not blind.
-      VerifyExample& e = examples_[i];
+      JudgedAnswer& e = examples_[i];
       e.truth = oracle_->Ask(std::span(&e.ray, 1), 1)[0];
-      e.verdict = e.query == RB_ANY ? oracle_->JudgeAny(e.ray, e.truth, false)
-                                    : oracle_->Judge(e.ray, e.truth, e.hit);
+      e.judged = e.query == RB_ANY ? JudgeOccluded(*oracle_, e.ray, e.truth, false)
+                                   : JudgeHit(*oracle_, e.ray, e.truth, e.hit);
       if (!e.truth.hit) throw std::logic_error("a ray from inside a closed mesh misses, says the oracle");
       fmt::print("  {}. {}     {}\n", i + 1, FormatExample(e), ReplayCommand(contestant, e.ray, context));
     }
@@ -315,7 +307,7 @@ class Campaign {
   // Of the structure that is fired at.
   std::mutex mutex_;
   uint64_t rays_ = 0, misses_ = 0;
-  std::vector<VerifyExample> examples_;
+  std::vector<JudgedAnswer> examples_;
 };
 
 }  // namespace

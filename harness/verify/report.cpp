@@ -5,8 +5,9 @@
 #include <bit>
 #include <cmath>
 
-#include "harness/judge/check.h"
+#include "harness/judge/claim.h"
 #include "harness/measure/statistics.h"
+#include "harness/rays/ray_sets.h"
 #include "harness/results/table.h"
 #include "harness/verify/verify.h"
 
@@ -29,12 +30,18 @@ std::string ErrorsOf(const ErrorHistogram& errors) {
   return fmt::format("{:.2g} {:.2g} {:.2g}", errors.Percentile(50), errors.Percentile(99), errors.Max());
 }
 
+/// "0.31", in units of the bound; "2.5e+05 (12)" with how many are beyond it.
+std::string ErrorOfUv(const VerdictCounts& c) {
+  if (c.uv_judged == 0) return "-";
+  return fmt::format("{:.2g}", c.uv_error_max) + (c.uv_wrong == 0 ? "" : fmt::format(" ({})", c.uv_wrong));
+}
+
 VerdictRow Total(const VerifiedTree& tree, uint32_t query) {
   VerdictRow total;
   total.query = query;
   for (const VerdictRow& row : tree.rows) {
     if (row.query != query) continue;
-    total.Add(row.counts);
+    total.counts.Add(row.counts);
     total.t_errors.Add(row.t_errors);
   }
   return total;
@@ -42,14 +49,14 @@ VerdictRow Total(const VerifiedTree& tree, uint32_t query) {
 
 std::string TableOf(const VerifiedTree& tree) {
   Grid grid({"rays", "n", "exact", "tie", "neighbour", "leak", "wrong", "false miss", "false hit",
-             "t error ulp", "leak rate", "plain rate"});
+             "t error ulp", "uv error", "leak rate", "plain rate"});
   const auto add = [&](const std::string& name, const VerdictRow& row) {
     const VerdictCounts& c = row.counts;
     grid.Add({name, fmt::format("{}", c.rays), fmt::format("{}", c[Verdict::kExact]),
               fmt::format("{}", c[Verdict::kTie]), fmt::format("{}", c[Verdict::kNeighbour]),
               fmt::format("{}", c.leaks()), Both(c, Verdict::kWrong, Verdict::kWrongMarginal),
               Both(c, Verdict::kFalseMiss, Verdict::kFalseMissMarginal),
-              Both(c, Verdict::kFalseHit, Verdict::kFalseHitMarginal), ErrorsOf(row.t_errors),
+              Both(c, Verdict::kFalseHit, Verdict::kFalseHitMarginal), ErrorsOf(row.t_errors), ErrorOfUv(c),
               FormatUpperRate(c.leaks(), c.rays), FormatUpperRate(c.plain_errors(), c.rays)});
   };
   // Any-hit answers have three classes that say little per set; their sum shows whether there is a reason to
@@ -79,9 +86,8 @@ std::string ClaimLine(const VerifiedTree& tree) {
   std::string line =
       fmt::format("claims {}: {}", ClaimName(tree.claim), tree.ClaimHolds() ? "held" : "BROKEN");
   if (tree.claim == RB_CLAIM_EXACT) {
-    uint64_t rays = 0, strict = 0;
-    for (const VerdictRow& row : tree.rows) rays += row.counts.rays, strict += row.counts.strict;
-    line += fmt::format(", {} of {} answers are exact to the bit", strict, rays);
+    const VerdictCounts all = tree.Counts();
+    line += fmt::format(", {} of {} answers are exact to the bit", all.strict, all.rays);
   }
   return line;
 }
@@ -128,17 +134,10 @@ double ErrorHistogram::Percentile(uint64_t percent) const {
   return 0;
 }
 
-void VerdictRow::Add(const VerdictCounts& more) {
-  counts.rays += more.rays, counts.strict += more.strict;
-  counts.uv_judged += more.uv_judged, counts.uv_wrong += more.uv_wrong;
-  counts.uv_error_max = std::max(counts.uv_error_max, more.uv_error_max);
-  for (size_t v = 0; v < size_t(Verdict::kCount); ++v) counts.by_class[v] += more.by_class[v];
-}
-
-bool VerifiedTree::ClaimHolds() const {
-  for (const VerdictRow& row : rows)
-    if (BreaksClaim(claim, row.counts)) return false;
-  return true;
+VerdictCounts VerifiedTree::Counts() const {
+  VerdictCounts all;
+  for (const VerdictRow& row : rows) all.Add(row.counts);
+  return all;
 }
 
 bool VerifiedTree::Broken() const {
@@ -159,6 +158,10 @@ std::string FormatVerified(const VerifiedTree& tree, const ReplayContext& contex
   const std::string spec = tree.contestant.Spec();
   if (!tree.skipped.empty()) return fmt::format("{}: not verified: {}\n", spec, tree.skipped);
   std::string text = fmt::format("{} {}\n  {}\n", spec, ClaimLine(tree), StructureLine(tree));
+  if (const std::string broken =
+          BrokenClaim(tree.claim, tree.Counts(), tree.breaking, context.scale_exponent);
+      !broken.empty())
+    text += fmt::format("  {}\n", broken);
   if (!tree.contract_flaw.empty()) text += fmt::format("  contract BROKEN: {}\n", tree.contract_flaw);
   for (const std::string& note : tree.notes) text += fmt::format("  {}\n", note);
   if (!tree.rows.empty()) text += TableOf(tree);
@@ -177,9 +180,9 @@ std::string ReplayCommand(const Contestant& contestant, const rb_ray& ray, const
   return line + fmt::format(" --replay \"{}\"", FormatRay(ray, context.scale_exponent));
 }
 
-std::string FormatExample(const VerifyExample& e) {
-  std::string text = fmt::format("{}: {} hit, set {}, ray {}\n", VerdictName(e.verdict),
-                                 e.query == RB_ANY ? "any" : "closest", e.set, e.index);
+std::string FormatExample(const JudgedAnswer& e) {
+  std::string text = fmt::format("{}: {} hit, set {}, ray {}\n", VerdictName(e.judged.verdict),
+                                 QueryName(e.query), e.set, e.index);
   if (e.query == RB_ANY) {
     text += fmt::format("     answer: {}\n", e.occluded ? "occluded" : "nothing hit");
   } else if (e.hit.prim == RAYBENCH_NONE) {
@@ -191,13 +194,18 @@ std::string FormatExample(const VerifyExample& e) {
     text += fmt::format("     truth: t = {} ({:a}), primitive{} {}, {}", e.truth.t, e.truth.t,
                         e.truth.tied.size() == 1 ? "" : "s", Primitives(e.truth.tied),
                         FeatureName(e.truth.feature));
-    if (e.query == RB_CLOSEST && e.verdict == Verdict::kExact)
+    if (e.query == RB_CLOSEST && e.judged.verdict == Verdict::kExact)
       text += fmt::format("; to the bit: primitive {} at t = {:a}", e.truth.first, e.truth.t_rounded);
   } else {
     text += "     truth: miss";
   }
   if (e.truth.coplanar) text += "; the ray lies in the plane of a triangle that it meets";
-  return text + "\n";
+  text += "\n";
+  if (e.judged.UvWrong())
+    text += fmt::format(
+        "     u, v: {:a}, {:a}; of this primitive at the ray: {:a}, {:a}, give or take {:.2g}, {:.2g}\n",
+        double(e.hit.u), double(e.hit.v), e.uv.u, e.uv.v, e.uv.u_bound, e.uv.v_bound);
+  return text;
 }
 
 std::vector<Row> VerdictRows(const VerifiedTree& tree) {
@@ -211,9 +219,9 @@ std::vector<Row> VerdictRows(const VerifiedTree& tree) {
     row[column::claim] = ClaimName(tree.claim);
     row[column::held] = !BreaksClaim(tree.claim, c);
     row[column::ray_set] = verdict.set;
-    row[column::query] = verdict.query == RB_ANY ? "any" : "closest";
+    row[column::query] = QueryName(verdict.query);
     row[column::rays] = c.rays;
-    for (size_t v = 0; v < size_t(Verdict::kCount); ++v) row[ClassColumn(Verdict(v))] = c.by_class[v];
+    SetClasses(row, c);
     row[column::strict] = c.strict;
     if (verdict.t_errors.count() > 0) {
       row[column::t_error_p50] = verdict.t_errors.Percentile(50);
@@ -248,11 +256,11 @@ Json FactsOf(const VerifiedTree& tree) {
   return facts;
 }
 
-Json FactsOf(const VerifyExample& e, int scale_exponent) {
-  Json facts = {{"verdict", VerdictName(e.verdict)},
+Json FactsOf(const JudgedAnswer& e, int scale_exponent) {
+  Json facts = {{"verdict", VerdictName(e.judged.verdict)},
                 {"ray_set", e.set},
                 {"index", e.index},
-                {"query", e.query == RB_ANY ? "any" : "closest"},
+                {"query", QueryName(e.query)},
                 {"ray", FormatRay(e.ray, scale_exponent)}};
   if (e.query == RB_ANY) {
     facts["answer"] = {{"occluded", e.occluded}};
@@ -260,6 +268,7 @@ Json FactsOf(const VerifyExample& e, int scale_exponent) {
     facts["answer"] = nullptr;
   } else {
     facts["answer"] = {{"prim", e.hit.prim}, {"t", fmt::format("{:a}", double(e.hit.t))}};
+    if (e.judged.uv_error) facts["uv_error"] = *e.judged.uv_error;
   }
   facts["truth"] = nullptr;
   if (e.truth.hit)

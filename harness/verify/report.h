@@ -9,7 +9,7 @@
 #include "harness/base/columns.h"
 #include "harness/base/json.h"
 #include "harness/judge/tree_statistics.h"
-#include "harness/truth/oracle.h"
+#include "harness/judge/verdicts.h"
 
 namespace raybench {
 
@@ -37,20 +37,6 @@ struct VerdictRow {
   VerdictCounts counts;  ///< but for the errors of t, which stand here:
   ErrorHistogram t_errors;
   uint64_t bad[3] = {0, 0, 0};  ///< answers by Badness()
-
-  void Add(const VerdictCounts& more);
-};
-
-/// One answer that is worth a look.
-struct VerifyExample {
-  std::string set;
-  uint32_t query = RB_CLOSEST;
-  uint64_t index = 0;  ///< of the ray in its set
-  rb_ray ray = {};
-  rb_hit hit = {};        ///< RB_CLOSEST
-  bool occluded = false;  ///< RB_ANY
-  Truth truth;
-  Verdict verdict = Verdict::kExact;
 };
 
 /// One structure on one scene.
@@ -60,11 +46,13 @@ struct VerifiedTree {
   uint32_t claim = RB_CLAIM_NOTHING;
   std::optional<TreeStatistics> statistics;
   std::vector<VerdictRow> rows;
-  std::vector<std::string> notes;       ///< sets that are absent, and why; fewer rays, and why
-  std::string contract_flaw;            ///< the first malformed answer, in words
-  std::vector<VerifyExample> examples;  ///< the worst ones, worst first
+  std::vector<std::string> notes;        ///< sets that are absent, and why; fewer rays, and why
+  std::string contract_flaw;             ///< the first malformed answer, in words
+  std::vector<JudgedAnswer> examples;    ///< the worst ones, worst first
+  std::optional<JudgedAnswer> breaking;  ///< the first that breaks the claim
 
-  bool ClaimHolds() const;
+  VerdictCounts Counts() const;  ///< of all rows, but for the errors of t
+  bool ClaimHolds() const { return !BreaksClaim(claim, Counts()); }
   /// Claim, contract or tree.
   bool Broken() const;
 };
@@ -84,8 +72,8 @@ int Badness(const Judged& judged, uint32_t claim);
 std::string FormatVerified(const VerifiedTree& tree, const ReplayContext& context);
 /// The command that judges this ray alone.
 std::string ReplayCommand(const Contestant& contestant, const rb_ray& ray, const ReplayContext& context);
-/// Verdict, answer and truth, a line each.
-std::string FormatExample(const VerifyExample& example);
+/// Verdict, answer and truth, a line each, and one for u and v that are wrong.
+std::string FormatExample(const JudgedAnswer& example);
 /// "< 3.0e-6": the upper bound at 95 % of a rate.
 std::string FormatUpperRate(uint64_t events, uint64_t trials);
 
@@ -93,6 +81,6 @@ std::string FormatUpperRate(uint64_t events, uint64_t trials);
 std::vector<Row> VerdictRows(const VerifiedTree& tree);
 Json FactsOf(const VerifiedTree& tree);
 /// The ray in the coordinates of the scene's file.
-Json FactsOf(const VerifyExample& example, int scale_exponent);
+Json FactsOf(const JudgedAnswer& example, int scale_exponent);
 
 }  // namespace raybench

@@ -16,7 +16,7 @@
 #include "accel/base/files.h"
 #include "datasets/scene/needs.h"
 #include "harness/base/json.h"
-#include "harness/judge/check.h"
+#include "harness/judge/claim.h"
 #include "harness/judge/truth_cache.h"
 #include "harness/measure/machine.h"
 #include "harness/plan/build_options.h"
@@ -76,7 +76,7 @@ struct Source {
 struct Kept {
   int badness;
   uint64_t nth;
-  VerifyExample example;
+  JudgedAnswer example;
 };
 
 struct Entrant {
@@ -339,30 +339,29 @@ class Verification {
     const std::vector<rb_ray>& rays = chunk.rays.rays;
     if (rays.empty()) return;
     VerifiedTree& result = entrant.result;
-    RaySet set;
-    set.query = row.query;
-    set.rays = rays;
+    const Question question{row.query, rays};
+    const Known known{chunk.truth};
     Answers answers(rays.size());
-    QueryParallel(entrant.tree, answers.Ask(set), options_.threads);
-    if (result.contract_flaw.empty()) {
-      result.contract_flaw = ContractFlaw(set, answers, scene().primitive_count());
-      if (!result.contract_flaw.empty())
-        result.contract_flaw += fmt::format(" (of those from {} on, of set {})", chunk.first, row.set);
-    }
-    std::vector<Judged> judged;
-    row.Add(JudgeAll(*oracle_, row.query, rays, chunk.truth, answers.hits, answers.occluded, options_.threads,
-                     &judged));
+    const Verdicts verdicts = AskAndJudge(entrant.tree, *oracle_, scene().primitive_count(), question, known,
+                                          answers, options_.threads);
+    if (result.contract_flaw.empty() && !verdicts.contract_flaw.empty())
+      result.contract_flaw =
+          fmt::format("{} (of those from {} on, of set {})", verdicts.contract_flaw, chunk.first, row.set);
+    const auto in_set = [&](JudgedAnswer answer) {
+      answer.set = row.set, answer.index = chunk.first + answer.index * chunk.step;
+      return answer;
+    };
+    if (verdicts.breaking && !result.breaking) result.breaking = in_set(*verdicts.breaking);
+    row.counts.Add(verdicts.counts);
     for (size_t i = 0; i < rays.size(); ++i) {
-      const Truth& truth = chunk.truth[i];
-      if (judged[i].t_error) row.t_errors.Add(*judged[i].t_error);
-      const int badness = Badness(judged[i], result.claim);
+      const Judged& judged = verdicts.judged[i];
+      if (judged.t_error) row.t_errors.Add(*judged.t_error);
+      const int badness = Badness(judged, result.claim);
       if (badness > 2) continue;
       const uint64_t nth = row.bad[badness]++;
-      if (nth >= options_.examples) continue;
-      entrant.kept.push_back({badness,
-                              nth,
-                              {row.set, row.query, chunk.first + i * chunk.step, rays[i], answers.hits[i],
-                               answers.occluded[i] != 0, truth, judged[i].verdict}});
+      if (nth < options_.examples)
+        entrant.kept.push_back(
+            {badness, nth, in_set(verdicts.Answer(i, *oracle_, question, known, answers))});
     }
   }
 
@@ -436,7 +435,7 @@ class Verification {
         row[column::seed] = options_.seed;
         rows_.push_back(std::move(row));
       }
-      for (const VerifyExample& example : result.examples) {
+      for (const JudgedAnswer& example : result.examples) {
         Json entry = {{"scene", scene_name()}, {"structure", result.contestant.Spec()}};
         entry.update(FactsOf(example, scene().scale_exponent));
         if (HasFileForm(example.ray, scene())) {
@@ -563,25 +562,25 @@ int ReplayOneRay(const Registry& registry, const VerifyOptions& options, const s
     const Tree tree(contestant, geometry,
                     BuildOptions(options.threads, options.seed, NeedsOf(scene).BuildNeeds() | kCheckedNeeds));
     for (uint32_t query : {RB_CLOSEST, RB_ANY}) {
-      RaySet set;
-      set.query = query;
-      set.rays = {ray};
+      const Question question{query, {&ray, 1}};
+      const Known known{truth};
       Answers answers(1);
-      tree.Query(answers.Ask(set));
-      std::vector<Judged> judged;
-      const VerdictCounts counts =
-          JudgeAll(*oracle, query, set.rays, truth, answers.hits, answers.occluded, options.threads, &judged);
-      const std::string flaw = ContractFlaw(set, answers, scene.primitive_count());
-      const bool breaks = BreaksClaim(tree.Claims(), counts) || !flaw.empty();
+      const Verdicts verdicts =
+          AskAndJudge(tree, *oracle, scene.primitive_count(), question, known, answers, 1);
+      JudgedAnswer answer = verdicts.Answer(0, *oracle, question, known, answers);
+      answer.set = "replay";
+      const std::string& flaw = verdicts.contract_flaw;
+      const bool breaks = verdicts.breaking || !flaw.empty();
       broken |= breaks;
       fmt::print("{}, claims {}{}\n     {}", contestant.Spec(), ClaimName(tree.Claims()),
                  !flaw.empty() ? ": contract BROKEN: " + flaw
                  : breaks      ? ": BROKEN"
                                : "",
-                 FormatExample({"replay", query, 0, ray, answers.hits[0], answers.occluded[0] != 0, truth[0],
-                                judged[0].verdict}));
-      if (query == RB_CLOSEST && truth[0].hit && !truth[0].coplanar && answers.hits[0].prim != RAYBENCH_NONE)
-        fmt::print("     t is off by {:.3g} ulp\n", ErrorInUlp(answers.hits[0].t, truth[0].t));
+                 FormatExample(answer));
+      if (query == RB_CLOSEST && truth[0].hit && !truth[0].coplanar && answer.hit.prim != RAYBENCH_NONE)
+        fmt::print("     t is off by {:.3g} ulp\n", ErrorInUlp(answer.hit.t, truth[0].t));
+      if (answer.judged.uv_error)
+        fmt::print("     u and v are off by {:.3g} of what is allowed\n", *answer.judged.uv_error);
     }
   }
   return broken ? 1 : 0;

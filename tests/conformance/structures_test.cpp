@@ -105,7 +105,8 @@ class Trial {
       for (uint64_t n : counts->by_class) sum += n;
       EXPECT_EQ(sum, rays().size());
       EXPECT_FALSE(BreaksClaim(tree_.Claims(), *counts))
-          << "leaks " << counts->leaks() << ", plain errors " << counts->plain_errors();
+          << "leaks " << counts->leaks() << ", plain errors " << counts->plain_errors() << ", u or v wrong "
+          << counts->uv_wrong << ", off by at most " << counts->uv_error_max << " of the bound";
     }
     // Whatever a structure claims, most of its answers are right; null, which claims nothing, always misses.
     // A kernel of floats alone constructs no hit point right far from the origin.

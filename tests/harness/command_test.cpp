@@ -516,12 +516,12 @@ TEST_F(HarnessCommand, AStructureThatLiesIsRefusedAndGetsNoTime) {
   const Outcome outcome =
       Call(TinyRun("out", {"--structures",
                            "wrong_misses,wrong_ids,wrong_bad_ids,wrong_counts,wrong_nan_t,wrong_infinite_t,"
-                           "wrong_early_t,wrong_miss_t,wrong_two,wrong_not",
+                           "wrong_early_t,wrong_miss_t,wrong_two,wrong_uv,wrong_not",
                            "--plugin", (plugins / "libwrong.so").string()}));
   EXPECT_EQ(outcome.exit_code, 1) << outcome.err;
   EXPECT_NE(outcome.out.find("REFUSED"), std::string::npos);
   const std::map<std::string, std::string> says = {
-      {"wrong_misses", "claims watertight, but"},
+      {"wrong_misses", "claims watertight, but of 256 rays 1 false_miss; ray 99: org (0x"},
       {"wrong_ids", "wrong"},
       {"wrong_bad_ids", "hits primitive 87 of 80"},
       {"wrong_counts", "is answered differently when counted"},
@@ -529,7 +529,8 @@ TEST_F(HarnessCommand, AStructureThatLiesIsRefusedAndGetsNoTime) {
       {"wrong_infinite_t", "hits at t = inf; a finite t in (0, "},
       {"wrong_early_t", "hits at t = 0; a finite t in (0, "},
       {"wrong_miss_t", "misses with t = 0, not tfar = "},
-      {"wrong_two", "is answered 2, not 0 or 1"}};
+      {"wrong_two", "is answered 2, not 0 or 1"},
+      {"wrong_uv", " with u or v beyond its bound; ray "}};
   std::set<std::string> seen;
   for (const auto& row : ReadCsv(folder_ / "out" / "cases.csv")) {
     SCOPED_TRACE(row.at("spec") + " " + row.at("ray_set"));

@@ -201,16 +201,19 @@ TEST_F(HarnessCommand, ExtremesWritesARowForEachPointAndContestant) {
 TEST_F(HarnessCommand, ABrokenClaimEndsExtremesWithOneAndARayThatShowsIt) {
   const fs::path out = folder_ / "out";
   const std::string plugin = (BuildPlugins() / "libwrong.so").string();
-  const Outcome run =
-      Call({"--plugin", plugin, "extremes", "--suites", "edge_aim", "--structures", "wrong_misses,wrong_not",
-            "--quick", "--rays", "128", "--no-report", "--out", out.string()});
+  const Outcome run = Call({"--plugin", plugin, "extremes", "--suites", "edge_aim", "--structures",
+                            "wrong_misses,wrong_uv,wrong_not", "--quick", "--rays", "128", "--no-report",
+                            "--out", out.string()});
   EXPECT_EQ(run.exit_code, 1) << run.err;
-  EXPECT_NE(run.err.find("BROKEN CLAIM: edge_aim at 20: wrong_misses: claims watertight; ray 99: org ("),
+  EXPECT_NE(run.err.find("BROKEN CLAIM: edge_aim at 20: wrong_misses: claims watertight, but of 128 rays 1 "
+                         "leak; ray 99: org (-0x"),
             std::string::npos)
       << run.err;
+  EXPECT_NE(run.err.find(" with u or v beyond its bound; ray 0: org ("), std::string::npos) << run.err;
   for (auto& row : ReadCsv(out / "extremes.csv")) {
     EXPECT_EQ(row["status"], row["structure"] == "wrong_not" ? "measured" : "broken") << row["note"];
-    EXPECT_EQ(row["failures"], row["structure"] == "wrong_not" ? "0" : "1");
+    EXPECT_EQ(row["failures"], row["structure"] == "wrong_misses" ? "1" : "0");
+    EXPECT_EQ(row["uv_wrong"] == "0", row["structure"] != "wrong_uv");
   }
 }
 

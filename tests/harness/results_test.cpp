@@ -9,7 +9,7 @@
 #include <sstream>
 
 #include "harness/base/columns.h"
-#include "harness/judge/check.h"
+#include "harness/judge/verdicts.h"
 #include "harness/measure/measure.h"
 #include "harness/results/table.h"
 #include "tests/support/files.h"

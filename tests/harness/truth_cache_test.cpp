@@ -34,6 +34,7 @@ class CountingOracle final : public Oracle {
   Verdict JudgeAny(const rb_ray& r, const Truth& t, bool o) const override {
     return oracle_->JudgeAny(r, t, o);
   }
+  UvTruth Uv(const rb_ray& r, const rb_hit& h) const override { return oracle_->Uv(r, h); }
   std::string Name() const override { return oracle_->Name(); }
   bool Exact() const override { return oracle_->Exact(); }
 

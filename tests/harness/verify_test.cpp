@@ -17,6 +17,7 @@
 namespace raybench {
 namespace {
 
+using ::testing::ContainsRegex;
 using ::testing::HasSubstr;
 using ::testing::Not;
 using Fields = std::map<std::string, std::string>;
@@ -229,6 +230,47 @@ TEST_F(HarnessVerify, MalformedAnswersBreakTheContractWhateverIsClaimed) {
   EXPECT_THAT(
       outcome.out,
       HasSubstr("contract BROKEN: ray 99 hits primitive 327 of 320 (of those from 0 on, of set aimed_edge)"));
+}
+
+TEST_F(HarnessVerify, ABrokenClaimIsWordedWithTheRayThatShowsIt) {
+  const std::string plugin = (BuildPlugins() / "libwrong.so").string();
+  const auto verify = [&](const std::string& name) {
+    return Verify({kBall, "--plugin", plugin, "--structures", name, "--rays", "512", "--sets", "random"});
+  };
+  const Outcome misses = verify("wrong_misses");
+  EXPECT_EQ(misses.exit_code, 1);
+  EXPECT_THAT(misses.out,
+              ContainsRegex("\n  claims watertight, but of 640 rays [0-9]+ false_miss; ray [0-9]+ of set "
+                            "random: org \\(.*\\) dir \\(.*\\) tnear 0x0p\\+0 tfar inf is answered miss "
+                            "\\(false_miss\\); true is primitive [0-9]+ at t 0x"));
+}
+
+TEST_F(HarnessVerify, SwappedUAndVBreakTheClaimOfWhatIsRightElse) {
+  const std::string plugin = (BuildPlugins() / "libwrong.so").string();
+  const Outcome outcome = Verify({kBall, "--plugin", plugin, "--structures", "wrong_uv,wrong_not,bvh_sah",
+                                  "--rays", "512", "--sets", "random", "--out", In("out")});
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_THAT(outcome.out, HasSubstr("wrong_uv claims watertight: BROKEN"));
+  EXPECT_THAT(outcome.out, HasSubstr(" with u or v beyond its bound; ray "));
+  EXPECT_THAT(outcome.out, HasSubstr("\n     u, v: 0x"));
+  EXPECT_THAT(outcome.out, HasSubstr("wrong_not claims watertight: held"));
+  for (const Fields& row : ReadCsv(folder_ / "out" / "verdicts.csv")) {
+    SCOPED_TRACE(row.at("spec") + " " + row.at("query"));
+    EXPECT_EQ(row.at("uv_wrong").empty(), row.at("query") == "any");
+    EXPECT_EQ(row.at("uv_error_max").empty(), row.at("query") == "any");
+    const bool lies = row.at("spec") == "wrong_uv" && row.at("query") == "closest";
+    EXPECT_EQ(row.at("held"), lies ? "0" : "1");
+    if (row.at("query") == "any") continue;
+    EXPECT_EQ(Number(row, "uv_wrong") > 100, lies);
+    EXPECT_EQ(std::stod(row.at("uv_error_max")) > 1, lies);
+    EXPECT_GT(std::stod(row.at("uv_error_max")), 0);
+  }
+  const size_t at = outcome.out.find("--replay \"");
+  ASSERT_NE(at, std::string::npos);
+  const std::string ray = outcome.out.substr(at + 10, outcome.out.find('"', at + 10) - at - 10);
+  const Outcome replay = Verify({kBall, "--plugin", plugin, "--structures", "wrong_uv", "--replay", ray});
+  EXPECT_EQ(replay.exit_code, 1);
+  EXPECT_THAT(replay.out, HasSubstr("u and v are off by "));
 }
 
 TEST_F(HarnessVerify, TheDefaultIsEveryStructureAtEachNumericsAndLinearOnesGetAPart) {

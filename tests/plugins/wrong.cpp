@@ -15,11 +15,12 @@ enum Lie {
   kEarlyT,  // at tnear, which is outside of the interval
   kMissT,   // a miss that does not say tfar
   kTwo,     // neither occluded nor free
+  kUv,      // u for v, v for u
   kStaysHonest
 };
 constexpr const char* kNames[] = {"wrong_misses", "wrong_ids",        "wrong_bad_ids", "wrong_counts",
                                   "wrong_nan_t",  "wrong_infinite_t", "wrong_early_t", "wrong_miss_t",
-                                  "wrong_two",    "wrong_not"};
+                                  "wrong_two",    "wrong_uv",         "wrong_not"};
 
 /// Every ray against every triangle in double, and then the lie.
 template <Lie kLie>
@@ -52,6 +53,7 @@ class Liar {
       if (kLie == kNanT && turn) best.t = std::numeric_limits<float>::quiet_NaN();
       if (kLie == kInfiniteT && turn) best.t = std::numeric_limits<float>::infinity();
       if (kLie == kEarlyT && turn) best.t = q.ray.tnear;
+      if (kLie == kUv) std::swap(best.u, best.v);
       if (kLie == kMissT && turn) best = {0, 0, 0, RAYBENCH_NONE};
     });
     if (kLie == kTwo && query.kind == RB_ANY) query.occluded[query.n - 1] = 2;
@@ -77,4 +79,4 @@ class Liar {
 }  // namespace
 
 RAYBENCH_PLUGIN(Liar<kMisses>, Liar<kWrongIds>, Liar<kBadIds>, Liar<kCountsDifferently>, Liar<kNanT>,
-                Liar<kInfiniteT>, Liar<kEarlyT>, Liar<kMissT>, Liar<kTwo>, Liar<kStaysHonest>)
+                Liar<kInfiniteT>, Liar<kEarlyT>, Liar<kMissT>, Liar<kTwo>, Liar<kUv>, Liar<kStaysHonest>)
