@@ -154,10 +154,11 @@ class Count {
 
   /// What was counted when interrupted is kept.
   void Run(const std::vector<Contestant>& contestants) {
+    share_ = 1 / double(contestants.size() + 1);
     MakePoints();
-    for (const Contestant& contestant : contestants) {
-      if (Interrupted()) return;
-      CountWith(contestant);
+    for (size_t i = 0; i < contestants.size() && !Interrupted(); ++i) {
+      done_ = double(i + 1) * share_;
+      CountWith(contestants[i]);
     }
   }
 
@@ -229,7 +230,7 @@ class Count {
           return made.load();
         },
         "places found");
-    if (Interrupted()) points_.resize(0);
+    if (Interrupted()) return;
     std::vector<Vec3f> audited;
     std::vector<Place> places;
     uint64_t inside = 0;
@@ -270,7 +271,7 @@ class Count {
           if (!Interrupted()) done = work(b);
         });
       });
-      progress_.Update(double(begin) / double(batches),
+      progress_.Update(done_ + share_ * double(begin) / double(batches),
                        fmt::format("{}: {} of {} {}", name_, done.load(), points_.size(), what));
     }
   }
@@ -430,6 +431,7 @@ class Count {
   std::vector<std::string> notes_, findings_;
   std::mutex mutex_;
   Progress progress_;
+  double done_ = 0, share_ = 1;  ///< of the scene's work; of it, what is at work
 };
 
 void WriteCsv(const std::string& out, const std::vector<Row>& rows) {
