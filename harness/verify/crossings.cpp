@@ -50,7 +50,8 @@ struct Tally {
   std::array<uint64_t, kWays> wrong{};
   std::array<double, kWays> seconds{};  ///< of all threads
   std::vector<size_t> wrong_points;     ///< by the rule: the first ones
-  std::string flaw;                     ///< what contradicts the contract
+  std::string flaw;                     ///< what contradicts the contract, in the first batch with
+  uint64_t flaw_batch = 0;              ///< such an answer
 
   /// Exact arithmetic takes lines as they are.
   bool IsTilted() const { return claim != RB_CLAIM_EXACT; }
@@ -243,8 +244,7 @@ class Count {
     on_lattice_ = IsOnLattice(scene_);
     notes_.push_back(
         fmt::format("{}: closed, {} triangles; {} points, {:.0f} % of them inside; {} more were on the "
-                    "surface; the places of "
-                    "{} audited by integers",
+                    "surface; {} audited by integers",
                     name_, scene_.triangles.size(), points_.size(),
                     100 * double(inside) / double(std::max<size_t>(1, points_.size())), on_surface.load(),
                     audited.size()));
@@ -311,7 +311,8 @@ class Count {
           tally.points += own.points;
           for (size_t way = 0; way < kWays; ++way)
             tally.wrong[way] += own.wrong[way], tally.seconds[way] += own.seconds[way];
-          if (tally.flaw.empty()) tally.flaw = own.flaw;
+          if (!own.flaw.empty() && (tally.flaw.empty() || b < tally.flaw_batch))
+            tally.flaw = own.flaw, tally.flaw_batch = b;
           // The first ones, whatever threads found them.
           auto& kept = tally.wrong_points;
           kept.insert(kept.end(), own.wrong_points.begin(), own.wrong_points.end());
@@ -392,11 +393,13 @@ class Count {
     const exact::Line line(ray);
     for (size_t i = 0; i < shown.size(); ++i)
       if (truth_->distinct()[i] && !shown[i] && IsCrossed(line, CornersOf(scene_, i))) missing.push_back(i);
-    return fmt::format(
-        "{}: point {} at ({:a}, {:a}, {:a}) is {}; its line along {}{} is not shown {}",
-        tally.contestant.Spec(), index, point.at.x, point.at.y, point.at.z,
-        point.inside ? "inside" : "outside", point.backward ? '-' : '+', "xyz"[point.axis],
-        missing.empty() ? "twice the same" : fmt::format("triangle {} that it crosses", missing[0]));
+    // In the coordinates of the scene's file.
+    const auto in_file = [&](int k) { return std::ldexp(double(point.at[k]), -scene_.scale_exponent); };
+    return fmt::format("{}: point {} at ({:a}, {:a}, {:a}) is {}; along {}{} {}", tally.contestant.Spec(),
+                       index, in_file(0), in_file(1), in_file(2), point.inside ? "inside" : "outside",
+                       point.backward ? '-' : '+', "xyz"[point.axis],
+                       missing.empty() ? "it shows all triangles, and so one of them twice"
+                                       : fmt::format("it does not show triangle {}", missing[0]));
   }
 
   /// Watertight arithmetic is bound to what is proven of it.
