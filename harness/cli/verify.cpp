@@ -53,7 +53,7 @@ Examples:
   raybench verify model.obj --plugin ./libmine.so --structures mine --sets aimed_edge,planes
   raybench verify model.obj --structures mine --rays verified/model-mine-closest.rays
   raybench verify "icosphere(level=6)" --structures bvh_sah --closed 100M --ledger ledger.json
-  raybench verify "menger(level=3)" --structures bvh_sah,embree --crossings 1M
+  raybench verify menger --structures bvh_sah,embree --crossings 1M
   raybench verify --all --rays 64K                               everything there is, for long
 Exit codes: 0 fine; 1 a claim, the contract or a tree is broken; 2 wrong input; 3 a structure could not be built;
 130 interrupted (what was judged or fired is shown, and recorded).)help";
@@ -103,7 +103,7 @@ void AddOptions(CLI::App& command, VerifyArguments& arguments) {
           .add_option(
               "--out", verify.out,
               "Folder for verdicts.csv, examples.json, the examples as .rays and verify.json; default: "
-              "nothing is written")
+              "nothing is written. With --crossings: for crossings.csv")
           ->type_name("DIR");
   CLI::Option* replay =
       command
