@@ -10,6 +10,7 @@
 #include "harness/plan/small_scenes.h"
 #include "harness/rays/aim.h"
 #include "harness/verify/closed.h"
+#include "harness/verify/crossings.h"
 
 namespace raybench {
 namespace {
@@ -40,12 +41,21 @@ so a miss is a leak, and no truth is needed: it runs nearly as fast as the struc
 the same scene, structure, parameters and raybench commit. A run takes the first seed from --seed on that the ledger
 has not yet seen for these, so that no ray counts twice: the same command again fires new rays.
 
+--crossings N counts what the lines of N points cross, to tell inside from outside of a closed mesh. Columns: wrong
+answers and ns per point (of one thread) by
+  rule        all triangles of the line, walked by `after`, each judged by exact predicates: never wrong where a
+              structure is watertight or exact (harness/verify/CROSSINGS.md has the proof)
+  after       all answers from the point along an axis, walked by `after`
+  epsilon     the same, restarted 1e-4 of the diagonal behind each hit
+  vote        that along three random directions, the majority
+
 Examples:
   raybench verify model.glb                                      one structure of each family
   raybench verify "icosphere(level=6)" --structures "bvh_sah,embree(robust=true)" --rays 1M --out verified
   raybench verify model.obj --plugin ./libmine.so --structures mine --sets aimed_edge,planes
   raybench verify model.obj --structures mine --rays verified/model-mine-closest.rays
   raybench verify "icosphere(level=6)" --structures bvh_sah --closed 100M --ledger ledger.json
+  raybench verify menger --structures bvh_sah,embree --crossings 1M
   raybench verify --all --rays 64K                               everything there is, for long
 Exit codes: 0 fine; 1 a claim, the contract or a tree is broken; 2 wrong input; 3 a structure could not be built;
 130 interrupted (what was judged or fired is shown, and recorded).)help";
@@ -77,7 +87,7 @@ void AddOptions(CLI::App& command, VerifyArguments& arguments) {
           ->delimiter(',')
           ->allow_extra_args(false)
           ->type_name("A,B");
-  command.add_flag(
+  CLI::Option* any = command.add_flag(
       "--any", verify.any,
       "Any-hit queries of all rays; by default of a quarter, beside the closest-hit ones of all. "
       "With --closed: instead of closest-hit ones");
@@ -95,7 +105,7 @@ void AddOptions(CLI::App& command, VerifyArguments& arguments) {
           .add_option(
               "--out", verify.out,
               "Folder for verdicts.csv, examples.json, the examples as .rays and verify.json; default: "
-              "nothing is written")
+              "nothing is written. With --crossings: for crossings.csv")
           ->type_name("DIR");
   CLI::Option* replay =
       command
@@ -121,6 +131,17 @@ void AddOptions(CLI::App& command, VerifyArguments& arguments) {
       .add_option("--ledger", verify.ledger, "JSON file in which --closed adds up over runs; default none")
       ->needs(closed)
       ->type_name("FILE");
+  command
+      .add_option("--crossings", verify.crossings,
+                  "Tell N points, such as 10M, inside from outside of a closed mesh instead")
+      ->transform(WholeNumber(uint64_t{1}, uint64_t{1} << 28, Units::kSizes))
+      ->excludes(rays)
+      ->excludes(sets)
+      ->excludes(any)
+      ->excludes(all)
+      ->excludes(replay)
+      ->excludes(closed)
+      ->type_name("N");
   command.add_flag("--drop-bad", verify.drop_bad, "Leave out bad triangles instead of refusing the file");
   command.footer("\nRay sets:\n" + FormatFamilies(AimedFamilies()) + kFooter);
 }
@@ -158,6 +179,7 @@ int Verify(VerifyArguments& arguments, const Registry& registry, const Invocatio
     if (verify.scenes.size() != 1) throw InputError("--replay: name one scene");
     return ReplayOneRay(registry, verify, *arguments.replay);
   }
+  if (verify.crossings != 0) return RunCrossings(registry, verify);
   return verify.closed != 0 ? RunClosed(registry, verify) : RunVerify(registry, verify);
 }
 

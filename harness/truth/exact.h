@@ -1,4 +1,4 @@
-// Private to the oracles: exact truth for primitives of any kind. It shares no code with the tests that
+// Private to this folder: exact truth for primitives of any kind. It shares no code with the tests that
 // structures call.
 //
 // What is true of a ray is true of these point sets, with the float values as given:

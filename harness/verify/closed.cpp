@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <mutex>
 #include <new>
@@ -11,7 +10,6 @@
 
 #include "accel/base/parallel.h"
 #include "accel/base/random.h"
-#include "accel/ray/exact.h"
 #include "datasets/models/fetch.h"
 #include "datasets/scene/needs.h"
 #include "harness/judge/claim.h"
@@ -23,6 +21,7 @@
 #include "harness/terminal/interrupt.h"
 #include "harness/terminal/load.h"
 #include "harness/terminal/progress.h"
+#include "harness/truth/inside.h"
 #include "harness/truth/oracle.h"
 #include "harness/verify/ledger.h"
 #include "harness/verify/report.h"
@@ -38,39 +37,6 @@ constexpr size_t kPiece = 1 << 11;
 constexpr size_t kCrossChecked = 1 << 10;
 /// How often a long campaign is entered into the ledger.
 constexpr double kRecordSeconds = 60;
-
-exact::Corners CornersOf(const Scene& scene, size_t triangle) {
-  const auto& v = scene.triangles[triangle];
-  return {ToDouble(scene.positions[v[0]]), ToDouble(scene.positions[v[1]]), ToDouble(scene.positions[v[2]])};
-}
-
-/// Parity of crossings with t > 0; nothing if the line touches an edge or vertex, lies in a plane, or starts
-/// on the surface.
-std::optional<bool> OddCrossings(const Scene& scene, const std::vector<bool>& distinct, const rb_ray& ray) {
-  const exact::Line line(ray);
-  std::atomic<bool> generic = true;
-  const bool odd = ParallelReduce(
-      Range<size_t>(0, scene.triangles.size(), 1024), false,
-      [&](const Range<size_t>& range, bool parity) {
-        for (size_t i = range.begin(); i < range.end() && generic; ++i) {
-          if (!distinct[i]) continue;
-          const exact::Corners p = CornersOf(scene, i);
-          const exact::Meeting meeting = exact::Meet(line, p);
-          if (meeting == exact::Meeting::kNone) continue;
-          const auto [t, error] = exact::PlaneApproximate(line, p);
-          int sign = t > error ? 1 : t < -error ? -1 : 0;
-          if (meeting != exact::Meeting::kInterior) {
-            generic = false;
-          } else if (sign == 0 && (sign = exact::Compare(exact::PlaneRatio(line, p), 0.0f)) == 0) {
-            generic = false;
-          }
-          parity ^= sign > 0;
-        }
-        return parity;
-      },
-      std::bit_xor<bool>());
-  return generic ? std::optional(odd) : std::nullopt;
-}
 
 /// Ericson, Real-Time Collision Detection (2005), 5.1.5.
 double SquaredDistance(Vec3d p, const exact::Corners& c) {
@@ -331,7 +297,7 @@ InsidePoints FindInsidePoints(const Scene& scene, size_t count, uint64_t seed, u
   const Bounds3& box = scene.bounds();
   InsidePoints inside;
   inside.margin = std::ldexp(Length(ToDouble(box.hi) - ToDouble(box.lo)), -10);
-  const std::vector<bool> distinct = DistinctTriangles(scene);
+  const InsideTruth truth(scene);
   Arena arena(threads);
   for (uint64_t candidate = 0; candidate < uint64_t(kCandidates) && inside.points.size() < count;
        ++candidate) {
@@ -340,21 +306,13 @@ InsidePoints FindInsidePoints(const Scene& scene, size_t count, uint64_t seed, u
     Vec3f point;
     for (int k = 0; k < 3; ++k)
       point[k] = float(box.lo[k] + random.NextDouble() * (double(box.hi[k]) - box.lo[k]));
-    arena.Run([&] {
-      int agreed = 0;
-      for (int tries = 0; tries < 32 && agreed < 2; ++tries) {
-        const Vec3f dir = ToFloat(random.UnitVector());
-        const auto odd =
-            OddCrossings(scene, distinct, {{point.x, point.y, point.z}, 0, {dir.x, dir.y, dir.z}, 1});
-        if (!odd) continue;
-        if (!*odd && agreed > 0) throw std::logic_error("a point is inside and outside of a closed mesh");
-        if (!*odd) return;
-        ++agreed;
-      }
-      // The error of the distance in double is far below a millionth of it.
-      if (agreed == 2 && Clearance(scene, point) >= inside.margin * (1 + 1e-6))
-        inside.points.push_back(point);
-    });
+    const Place place = truth.Of(point, random);
+    if (truth.Of(point, random) != place)
+      throw std::logic_error("a point is inside and outside of a closed mesh");
+    if (place != Place::kInside) continue;
+    // The error of the distance in double is far below a millionth of it.
+    if (arena.Run([&] { return Clearance(scene, point); }) >= inside.margin * (1 + 1e-6))
+      inside.points.push_back(point);
   }
   return inside;
 }

@@ -20,13 +20,14 @@ struct VerifyOptions {
   std::vector<std::string> plugins;     ///< already loaded; repeated in the commands that replay a ray
   uint64_t rays = 0;                    ///< of a set; 0: the default, or whole files
   uint64_t seed = 1;
-  uint32_t threads = 0;   ///< 0: all
-  uint32_t examples = 5;  ///< worst answers shown of a structure
-  bool any = false;       ///< any-hit queries of all rays, not of a quarter
-  bool drop_bad = false;  ///< as in LoadOptions
-  std::string out;        ///< folder for the files; empty: none are written
-  uint64_t closed = 0;    ///< rays of RunClosed()
-  std::string ledger;     ///< file in which RunClosed() adds up; empty: none
+  uint32_t threads = 0;    ///< 0: all
+  uint32_t examples = 5;   ///< worst answers shown of a structure
+  bool any = false;        ///< any-hit queries of all rays, not of a quarter
+  bool drop_bad = false;   ///< as in LoadOptions
+  std::string out;         ///< folder for the files; empty: none are written
+  uint64_t closed = 0;     ///< rays of RunClosed()
+  uint64_t crossings = 0;  ///< points of RunCrossings()
+  std::string ledger;      ///< file in which RunClosed() adds up; empty: none
   std::vector<std::string> command_line;
 
   uint64_t RaysPerSet() const { return rays != 0 ? rays : 1u << 14; }

@@ -499,7 +499,7 @@ TEST_F(HarnessVerify, HelpSaysHowToReadTheClasses) {
   EXPECT_EQ(help.exit_code, 0);
   for (const char* word :
        {"--structures", "--rays", "--sets", "--any", "--seed", "--threads", "--examples", "--out", "--replay",
-        "--closed", "--ledger", "--drop-bad", "Examples:", "Exit codes:"})
+        "--closed", "--ledger", "--crossings", "--drop-bad", "Examples:", "Exit codes:"})
     EXPECT_THAT(help.out, HasSubstr(word));
   for (const RayFamily& family : AimedFamilies()) {
     EXPECT_THAT(help.out, HasSubstr(family.name));

@@ -21,7 +21,7 @@ class Leaky {
   static constexpr const char* kName = "leaky";
   static constexpr const char* kDoc = "a test of raybench verify";
   static constexpr const char* kSource = "raybench's tests";
-  static constexpr uint64_t kCapabilities = RB_DETERMINISTIC;
+  static constexpr uint64_t kCapabilities = RB_CAN_AFTER | RB_DETERMINISTIC;
   static std::span<const rb_param> Params() {
     static const rb_param params[] = {ChoiceParam(
         "flaw",

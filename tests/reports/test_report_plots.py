@@ -243,7 +243,7 @@ def test_rows_timed_on_a_part_of_the_rays_are_named(tmp_path):
 
 def test_documentation_has_the_columns_as_they_are():
     text = REPORTS_README.read_text(encoding="utf-8")
-    for table in ("cases.csv", "samples.csv", "verdicts.csv", "extremes.csv"):
+    for table in ("cases.csv", "samples.csv", "verdicts.csv", "crossings.csv", "extremes.csv"):
         assert f"\n{columns.markdown(table)}\n" in text, f"{table}: python -m raybench_report.columns has the table"
 
 
