@@ -17,7 +17,6 @@
 #include "accel/host/parameters.h"
 #include "harness/fuzz/asking.h"
 #include "harness/fuzz/lattice.h"
-#include "harness/judge/check.h"
 #include "harness/judge/tree_statistics.h"
 #include "harness/plan/build_options.h"
 #include "harness/plan/plan.h"

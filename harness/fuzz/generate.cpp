@@ -36,7 +36,15 @@ size_t Few(Random& random, size_t most) {
 
 class Builder {
  public:
-  explicit Builder(Random& random) : random_(random) {}
+  explicit Builder(Random& random, Case begun = {}) : random_(random), case_(std::move(begun)) {}
+
+  /// Rays at what there is.
+  std::vector<rb_ray> Rays(size_t count) {
+    case_.rays.clear();
+    while (case_.rays.size() < count && case_.primitives() > 0)
+      case_.exact ? LatticeRay(kLattice) : AimedRay();
+    return case_.rays;
+  }
 
   // ---- exact ----
 
@@ -55,19 +63,7 @@ class Builder {
       Triangle(p[0], p[1], p[2]);
       if (random_.Below(6) == 0) Copies();
     }
-    for (size_t i = 0; i < kRays; ++i) {
-      Vec3f org, dir;
-      for (int k = 0; k < 3; ++k) {
-        org[k] = float(Integer(random_, -2 * reach, 2 * reach));
-        dir[k] = random_.Below(3) == 0 ? SignedZero(random_) : float(Integer(random_, -reach, reach));
-      }
-      Ray(org, dir);
-      if (random_.Below(3) == 0 && !case_.rays.empty()) {
-        rb_ray& ray = case_.rays.back();
-        ray.tnear = float(random_.Below(16)) * 0.25f;
-        if (random_.Below(2)) ray.tfar = ray.tnear + float(random_.Below(32)) * 0.125f;
-      }
-    }
+    for (size_t i = 0; i < kRays; ++i) LatticeRay(reach);
     return Finish();
   }
 
@@ -367,6 +363,20 @@ class Builder {
     }
   }
 
+  void LatticeRay(int reach) {
+    Vec3f org, dir;
+    for (int k = 0; k < 3; ++k) {
+      org[k] = float(Integer(random_, -2 * reach, 2 * reach));
+      dir[k] = random_.Below(3) == 0 ? SignedZero(random_) : float(Integer(random_, -reach, reach));
+    }
+    Ray(org, dir);
+    if (random_.Below(3) == 0 && !case_.rays.empty()) {
+      rb_ray& ray = case_.rays.back();
+      ray.tnear = float(random_.Below(16)) * 0.25f;
+      if (random_.Below(2)) ray.tfar = ray.tnear + float(random_.Below(32)) * 0.125f;
+    }
+  }
+
   void AimedRay() {
     const Vec3f target = Target();
     Vec3f org = random_.Below(2) ? Target() : At(InCube() * 2.0), dir;
@@ -461,6 +471,8 @@ Case GenerateCase(Mode mode, uint64_t seed, uint64_t index) {
   Builder builder(random);
   return mode == Mode::kExact ? builder.Exact() : builder.Chaotic();
 }
+
+void AimAnew(Case& c, size_t count, Random& random) { c.rays = Builder(random, c).Rays(count); }
 
 std::vector<Case> StandardCases(uint64_t seed) {
   constexpr const char* kScenes[] = {"icosphere(level=3)", "menger(depth=1)",       "soup(size=500)",

@@ -21,6 +21,9 @@ Case GenerateCase(Mode mode, uint64_t seed, uint64_t index);
 /// what `verify` would ask. Without a structure.
 std::vector<Case> StandardCases(uint64_t seed);
 
+/// Replaces the rays by `count` others aimed at the geometry, as those of GenerateCase() are.
+void AimAnew(Case& c, size_t count, Random& random);
+
 /// `structure` with parameters at random, half of them at their default, as a specification.
 std::string DrawParameters(const rb_structure& structure, Random& random);
 

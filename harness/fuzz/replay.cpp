@@ -8,7 +8,7 @@
 #include "harness/fuzz/asking.h"
 #include "harness/fuzz/fuzz.h"
 #include "harness/fuzz/isolate.h"
-#include "harness/judge/check.h"
+#include "harness/judge/claim.h"
 #include "harness/plan/build_options.h"
 #include "harness/truth/oracle.h"
 #include "harness/truth/uv.h"

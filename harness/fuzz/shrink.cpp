@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "accel/host/parameters.h"
+#include "harness/fuzz/generate.h"
 
 namespace raybench::fuzz {
 namespace {
@@ -18,6 +19,15 @@ class Shrinker {
       : fails_(fails), stop_(stop), best_(failing) {}
 
   Shrunk Run() {
+    do {
+      Reduce();
+    } while (AimedElsewhere() && !stop_());
+    for (bool better = true; better && !stop_();) better = ShorterNumbers();
+    return {best_, tries_};
+  }
+
+ private:
+  void Reduce() {
     for (bool better = true; better && !stop_();) {
       better = false;
       better |= Fewer([](Case & c) -> auto& { return c.rays; });
@@ -29,11 +39,28 @@ class Shrinker {
       better |= PlainParameters();
       better |= PlainIntervals();
     }
-    for (bool better = true; better && !stop_();) better = ShorterNumbers();
-    return {best_, tries_};
   }
 
- private:
+  /// One primitive less, or two, may fail only with other rays.
+  bool AimedElsewhere() {
+    constexpr size_t kSmall = 4, kLarge = 16, kRays = 64;
+    if (best_.rays.size() != 1 || best_.primitives() <= kSmall || best_.primitives() > kLarge) return false;
+    Random random(best_.seed, tries_);
+    return ForOneList([&](auto list) {
+      for (size_t i = 0; i < (best_.*list).size() && !stop_(); ++i) {
+        Case candidate = best_;
+        (candidate.*list).erase((candidate.*list).begin() + ptrdiff_t(i));
+        AimAnew(candidate, kRays, random);
+        if (Try(candidate)) return true;
+      }
+      return false;
+    });
+  }
+  template <class Fn>
+  bool ForOneList(const Fn& fn) {
+    return fn(&Case::triangles) || fn(&Case::spheres) || fn(&Case::cones) || fn(&Case::polygons);
+  }
+
   bool Try(const Case& candidate) {
     if (stop_()) return false;
     ++tries_;

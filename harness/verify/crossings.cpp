@@ -16,7 +16,7 @@
 #include "accel/ray/bounds.h"
 #include "datasets/scene/needs.h"
 #include "harness/base/columns.h"
-#include "harness/judge/check.h"
+#include "harness/judge/claim.h"
 #include "harness/measure/measure.h"
 #include "harness/measure/statistics.h"
 #include "harness/plan/build_options.h"
