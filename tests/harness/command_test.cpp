@@ -34,7 +34,7 @@ TEST_F(HarnessCommand, WrongInputIsOneLineAndExitCode2) {
     std::string says;  // part of the line
   };
   for (const Row& row : std::vector<Row>{
-           {{}, "no command given; commands: run, verify, render"},
+           {{}, "no command given; commands: run, verify, fuzz, check-plugin, replay, render"},
            {{"frobnicate"}, "frobnicate"},
            {{"run", "--bogus"}, "--bogus"},
            {{"run", ball, "--rays", "12", "--out", out}, "--rays"},
