@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
-#include <stdexcept>
 
 #include "accel/base/error.h"
 
@@ -55,12 +54,6 @@ std::optional<uint64_t> AvailableMemory() {
       take(LeftBy(root / group));
   }
   return least;
-}
-
-void RequireWithinLimit(uint64_t bytes, uint64_t memory_limit) {
-  if (memory_limit > 0 && bytes > memory_limit)
-    throw std::runtime_error(
-        fmt::format("building needs {} KiB or more, over the memory limit", bytes >> 10));
 }
 
 void RequireMemory(const std::string& what, uint64_t bytes) {

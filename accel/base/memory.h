@@ -11,9 +11,6 @@ namespace raybench {
 /// what the control groups around the process leave. Empty where the system does not tell.
 std::optional<uint64_t> AvailableMemory();
 
-/// For builders: throws std::runtime_error if `bytes` are over the limit of the build options (0: none).
-void RequireWithinLimit(uint64_t bytes, uint64_t memory_limit);
-
 /// Throws InputError if `what` ("soup(size=1000000000)") needs more than AvailableMemory().
 void RequireMemory(const std::string& what, uint64_t bytes);
 

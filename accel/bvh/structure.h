@@ -7,7 +7,6 @@
 #include <stdexcept>
 #include <utility>
 
-#include "accel/base/memory.h"
 #include "accel/base/parallel.h"
 #include "accel/bvh/bvh2.h"
 #include "accel/bvh/reinsertion.h"
@@ -66,8 +65,7 @@ class BvhStructure {
     const uint64_t prims = PrimCount(geometry);
     if (prims == 0) return;
     RequireWithinLimit(
-        std::max(peak_bytes, config.reinsertion > 0 ? ReinsertionPeakBytes(prims) : uint64_t{0}),
-        options.memory_limit);
+        std::max(peak_bytes, config.reinsertion > 0 ? ReinsertionPeakBytes(prims) : uint64_t{0}), options);
     Arena arena(options.threads);
     arena.Run([&] {
       BinaryTree tree = build();
@@ -76,7 +74,7 @@ class BvhStructure {
       bvh_ = Bvh2(geometry, tree);
     });
     // Leaves of fewer primitives than a block has lanes take more than was estimated.
-    RequireWithinLimit(Memory().nodes + Memory().prims, options.memory_limit);
+    RequireWithinLimit(Memory().nodes + Memory().prims, options);
   }
 
  private:

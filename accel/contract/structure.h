@@ -22,6 +22,8 @@
 #include <limits>
 #include <new>
 #include <span>
+#include <stdexcept>
+#include <string>
 #include <string_view>
 #include <type_traits>
 
@@ -58,6 +60,13 @@ inline Bounds3 PrimBounds(const rb_geometry& g, uint32_t prim) {
     b = {LoadVec3(lo) + Vec3f{0, 0, 0}, LoadVec3(hi) + Vec3f{0, 0, 0}};
   }
   return b;
+}
+
+/// For builders: throws if a tree, or building it, takes more bytes than the options allow.
+inline void RequireWithinLimit(uint64_t bytes, const rb_build_options& options) {
+  if (options.memory_limit > 0 && bytes > options.memory_limit)
+    throw std::runtime_error("building needs " + std::to_string(bytes >> 10) +
+                             " KiB or more, over the memory limit");
 }
 
 /// One ray of a query, with what it skips and behind which hit it resumes.

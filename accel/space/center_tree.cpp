@@ -4,7 +4,6 @@
 #include <numeric>
 #include <stdexcept>
 
-#include "accel/base/memory.h"
 #include "accel/base/parallel.h"
 
 namespace raybench {
@@ -209,7 +208,7 @@ class Builder {
     const uint64_t bytes = insertion_.bytes() + result_.nodes.size() * (sizeof(CenterTree::Node) + 64) +
                            (refs_.size() + refs) * sizeof(uint32_t) + masks_.size() +
                            (blocks_ + LeafBlocks<>::BlocksOf(open_refs)) * sizeof(LeafBlocks<>::Block);
-    RequireWithinLimit(bytes, build_.memory_limit);
+    RequireWithinLimit(bytes, build_);
   }
 
   const Insertion& insertion_;

@@ -7,7 +7,6 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "accel/base/memory.h"
 #include "accel/base/parallel.h"
 
 namespace raybench {
@@ -172,7 +171,7 @@ class Builder {
   /// Adds to what all of the grid takes. Throws beyond the limit.
   void Account(uint64_t bytes, uint64_t references) {
     bytes_ += bytes;
-    RequireWithinLimit(bytes_ + insertion_.bytes(), options_.memory_limit);
+    RequireWithinLimit(bytes_ + insertion_.bytes(), options_);
     if ((references_ += references) >= kMostReferences)
       throw std::runtime_error("more than 2^32 references: lower the resolution");
   }

@@ -20,6 +20,8 @@ Examples:
   raybench run "sphereflake(depth=5)" --rays 1M --threads 1,2 --seed 7
   raybench run model.obj --plugin ./libmine.so --structures mine,bvh_sah
   raybench verify model.obj --structures bvh_sah,embree
+  raybench check-plugin ./libmine.so    does it keep the whole contract?
+  raybench fuzz --seconds 600           look for a case that breaks a promise
   raybench rays record model.obj -o model_rays
   raybench run model.obj --rays model_rays
   raybench render engine -o engine.png --size 1280x720

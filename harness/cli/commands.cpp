@@ -14,6 +14,7 @@ I have a model: which structure is fastest on it, and which are right?
 I have rays, recorded by my own renderer (tracer/rays/RAYS.md):
   raybench run MODEL.ply --rays RAYS
 I have a structure: does it lose rays, and how fast is it?
+  raybench check-plugin ./MINE.so
   raybench verify MODEL.glb --plugin ./MINE.so --structures MINE
   raybench run MODEL.glb --plugin ./MINE.so --structures MINE,bvh_sah,embree
 I want a figure for my paper: DIR/plots holds PNG and SVG; drawn again, from the same results, by

@@ -65,7 +65,8 @@ void PrintPage(const rb_structure& s, const FuzzedStructure& structure, const st
     fmt::print("\n  BROKEN {}: {}\n    found after {:.1f} s\n", p.info->name, p.fault->text,
                p.fault->seconds);
     if (p.fault->file.empty()) {
-      Lines lines(Format(p.fault->smallest));
+      const std::string file = Format(p.fault->smallest);
+      Lines lines(file);
       for (std::string_view line; lines.Next(line);) fmt::print("      {}\n", line);
     } else {
       fmt::print("    {}: {}; raybench replay {} --plugin {}\n", p.fault->file, SizeOf(p.fault->smallest),

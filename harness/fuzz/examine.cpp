@@ -204,6 +204,9 @@ class Examiner {
   Text Contract() {
     for (const Answer* answer : {&Closest(), &Any()})
       if (!answer->flaw.empty()) return answer->flaw;
+    Question alone = All(RB_CLOSEST);
+    alone.batch = 1;
+    if (const std::string flaw = Ask(tree_, alone).flaw; !flaw.empty()) return "asked ray by ray, " + flaw;
     for (size_t i = 0; i < case_.rays.size(); ++i) {
       if (auto flaw = FlawOf(case_.rays[i], Closest().hits[i])) return RayText(i) + ": " + *flaw;
       if (Any().occluded[i] > 1)

@@ -74,11 +74,12 @@ class Campaign {
       for (const std::string& spec : specs_) ParseContestant(registry, spec);
     }
     jobs_ = options.jobs != 0 ? options.jobs : AllThreads();
-    if (options.scenes) standard_ = StandardCases(options.seed);
+    standard_ = options.scenes ? StandardCaseCount() : 0;
     counts_ = std::make_unique<Shared<Count>>(specs_.size());
     looked_at_ = std::make_unique<Shared<std::atomic<uint64_t>>>(specs_.size() * Checks().size());
     stages_ = std::make_unique<Shared<Stage>>(jobs_);
     next_ = std::make_unique<Shared<std::atomic<uint64_t>>>(1);
+    stop_ = std::make_unique<Shared<std::atomic<bool>>>(1);
   }
 
   FuzzResult Go() {
@@ -89,8 +90,7 @@ class Campaign {
       for (size_t i = 0; i < jobs_; ++i) Start(workers[i], i);
       while (!workers.empty()) {
         Wait(workers);
-        if (Enough())
-          for (Worker& worker : workers) worker.stops = true;
+        if (Enough()) (*stop_)[0] = true;
         for (size_t i = 0; i < workers.size();) {
           if (Serve(workers[i])) {
             ++i;
@@ -117,8 +117,8 @@ class Campaign {
     const uint64_t round = index / specs_.size();
     const std::string& spec = specs_[index % specs_.size()];
     Random random(options_.seed, ~index);
-    const bool standard = round < standard_.size();
-    Case c = standard ? standard_[round] : GenerateCase(mode_, options_.seed, index);
+    const bool standard = round % 2 == 0 && round / 2 < standard_;  // they take turns with random ones
+    Case c = standard ? StandardCase(round / 2, options_.seed) : GenerateCase(mode_, options_.seed, index);
     c.structure = spec;
     if (!standard && spec.find('(') == spec.npos && random.Below(2))
       c.structure = DrawParameters(registry_.Find(spec), random);
@@ -135,7 +135,6 @@ class Campaign {
     size_t slot = 0;
     std::unique_ptr<Child> child;
     std::string text;
-    bool stops = false;
   };
 
   std::atomic<uint64_t>& LookedAt(size_t structure, size_t check) const {
@@ -165,7 +164,7 @@ class Campaign {
   /// In the child: cases until there are no more.
   void Work(size_t slot, int out) {
     Stage& stage = StageOf(slot);
-    for (uint64_t n = 0; n < kCasesOfChild && !IsTimeUp(); ++n) {
+    for (uint64_t n = 0; n < kCasesOfChild && !(*stop_)[0]; ++n) {
       const uint64_t index = (*next_)[0].fetch_add(1);
       if (IsLast(index)) return;
       stage.index = index, stage.since = SecondsNow(), stage.check = "generating";
@@ -200,19 +199,16 @@ class Campaign {
     if (open) {
       const bool hangs = SecondsNow() - stage.since > kHang;
       if (hangs) Note(stage.index, Ended(stage.check, fmt::format("does not end within {} s", kHang)));
-      if (!hangs && !worker.stops) return true;
-      // A case in work when time is up is given a moment, so that a hang's first seconds are no loss.
-      if (!hangs && SecondsNow() - stage.since < 1) return true;
+      // A case in work when the time is up is given a moment.
+      if (!hangs && !((*stop_)[0] && SecondsNow() - stage.since > 1)) return true;
       worker.child->Kill();
     }
     const std::string how = worker.child->Wait();
-    if (open) {
-      if (worker.stops) return false;
-    } else if (!how.empty()) {
+    if (!open && !how.empty()) {
       Note(stage.index, Ended(stage.check, how));
       ++(*counts_)[stage.index % specs_.size()].cases;
     }
-    if (worker.stops || Enough() || IsLast((*next_)[0])) return false;
+    if ((*stop_)[0] || IsLast((*next_)[0])) return false;
     Start(worker, worker.slot);
     return true;
   }
@@ -239,6 +235,14 @@ class Campaign {
 
   // ---- afterwards ----
 
+  /// What is made by threads is made in a child: who has threads cannot fork.
+  Case CaseInParent(uint64_t index) const {
+    std::string text;
+    RunIsolated(
+        {kHang, 2048, true}, [&] { return Format(CaseOf(index)); }, text);
+    return ParseCase(text, "case");
+  }
+
   void ShrinkAll(Progress& progress) {
     const auto rank = [](const std::string& check) {
       size_t i = 0;
@@ -254,7 +258,7 @@ class Campaign {
                      });
     std::map<std::string, size_t> shrunk;
     for (FoundFault& fault : result_.faults) {
-      fault.smallest = CaseOf(fault.index);
+      fault.smallest = CaseInParent(fault.index);
       fault.smallest.check = fault.check;
       fault.primitives_before = fault.smallest.primitives(), fault.rays_before = fault.smallest.rays.size();
       if (shrunk[fault.structure]++ >= kShrunkKinds || Interrupted()) continue;
@@ -273,7 +277,7 @@ class Campaign {
         if (f.check == fault.check) return text = f.text, true;
       return false;
     };
-    for (int tries = 0; tries < 3 && !fault.repeats; ++tries) fault.repeats = fails(fault.smallest);
+    for (int tries = 0; tries < 20 && !fault.repeats; ++tries) fault.repeats = fails(fault.smallest);
     if (!fault.repeats) return;
     fault.text = text;
     if (!options_.shrink) return;
@@ -289,11 +293,12 @@ class Campaign {
   std::vector<std::string> specs_;
   size_t jobs_ = 1;
   double start_ = 0;
-  std::vector<Case> standard_;
+  size_t standard_ = 0;
   std::unique_ptr<Shared<Count>> counts_;
   std::unique_ptr<Shared<std::atomic<uint64_t>>> looked_at_;
   std::unique_ptr<Shared<Stage>> stages_;
   std::unique_ptr<Shared<std::atomic<uint64_t>>> next_;
+  std::unique_ptr<Shared<std::atomic<bool>>> stop_;
   std::set<std::pair<std::string, std::string>> known_;
   FuzzResult result_;
 };

@@ -23,7 +23,7 @@ struct FuzzOptions {
   uint32_t jobs = 0;      ///< processes; 0: as many as there are processors
   uint64_t findings = 0;  ///< stop at so many; 0: go on
   bool shrink = true, quiet = false;
-  bool scenes = false;  ///< first of all the cases of StandardCases()
+  bool scenes = false;  ///< first of all the standard cases (generate.h)
 };
 
 /// A promise that one structure broke.

@@ -50,7 +50,8 @@ class Builder {
 
   Case Exact() {
     case_.exact = true;
-    const int reach = Integer(random_, 1, kLattice);
+    const int reach =
+        Integer(random_, random_.Below(4) == 0 ? 1 : 5, kLattice);  // the larger, the less is touched
     const auto number = [&] { return float(Integer(random_, -reach, reach)); };
     const size_t count = Few(random_, random_.Below(16) == 0 ? 600 : 60);
     for (size_t i = 0; i < count; ++i) {
@@ -474,32 +475,36 @@ Case GenerateCase(Mode mode, uint64_t seed, uint64_t index) {
 
 void AimAnew(Case& c, size_t count, Random& random) { c.rays = Builder(random, c).Rays(count); }
 
-std::vector<Case> StandardCases(uint64_t seed) {
-  constexpr const char* kScenes[] = {"icosphere(level=3)", "menger(depth=1)",       "soup(size=500)",
-                                     "shells(size=400)",   "terrain_box(size=400)", "sphereflake(depth=2)",
-                                     "city(size=400)"};
+namespace {
+
+constexpr const char* kStandardScenes[] = {"icosphere(level=3)", "menger(depth=1)", "soup(size=500)",
+                                           "terrain_box(n=12)",  "balls(size=2)",   "city(size=400)",
+                                           "rings(size=1)"};
+
+}  // namespace
+
+size_t StandardCaseCount() { return std::size(kStandardScenes) * AimedFamilies().size(); }
+
+Case StandardCase(size_t index, uint64_t seed) {
   constexpr size_t kSetRays = 256;
-  std::vector<Case> cases;
-  for (const char* name : kScenes) {
-    LoadOptions load;
-    load.seed = seed;
-    const Scene scene = LoadScene(name, load);
-    Case c;
-    c.positions = scene.positions, c.triangles = scene.triangles;
-    c.spheres = scene.spheres, c.cones = scene.cones;
-    for (const Polygon& polygon : scene.polygons) {
-      const auto corners = scene.CornersOf(polygon);
-      c.polygons.emplace_back(corners.begin(), corners.end());
-    }
-    const std::vector<MeshEdge> edges = MeshEdges(scene);
-    for (const AimedSet& set : SharedSets(scene, edges, kSetRays, seed)) {
-      if (!set.absent.empty()) continue;
-      c.rays.resize(kSetRays);
-      set.fill(0, c.rays, 1);
-      cases.push_back(c);
-    }
+  const size_t families = AimedFamilies().size();
+  LoadOptions load;
+  load.seed = seed;
+  const Scene scene = LoadScene(kStandardScenes[index / families], load);
+  Case c;
+  c.positions = scene.positions, c.triangles = scene.triangles;
+  c.spheres = scene.spheres, c.cones = scene.cones;
+  for (const Polygon& polygon : scene.polygons) {
+    const auto corners = scene.CornersOf(polygon);
+    c.polygons.emplace_back(corners.begin(), corners.end());
   }
-  return cases;
+  const std::vector<MeshEdge> edges = MeshEdges(scene);
+  for (const AimedSet& set : SharedSets(scene, edges, kSetRays, seed)) {
+    if (!set.absent.empty() || set.name != AimedFamilies()[index % families].name) continue;
+    c.rays.resize(kSetRays);
+    set.fill(0, c.rays, 1);
+  }
+  return c;
 }
 
 std::string DrawParameters(const rb_structure& structure, Random& random) {

@@ -17,9 +17,11 @@ enum class Mode { kExact, kChaotic, kBoth };
 /// something.
 Case GenerateCase(Mode mode, uint64_t seed, uint64_t index);
 
-/// Small scenes of raybench's generators with rays of each family that is aimed at them (harness/rays/aim.h):
-/// what `verify` would ask. Without a structure.
-std::vector<Case> StandardCases(uint64_t seed);
+/// Small scenes of raybench's generators, each with rays of each family that is aimed at them
+/// (harness/rays/aim.h): what `verify` would ask. `index` is below StandardCaseCount(); without rays where the
+/// scene has none of the family. Starts threads: only a child may make them.
+size_t StandardCaseCount();
+Case StandardCase(size_t index, uint64_t seed);
 
 /// Replaces the rays by `count` others aimed at the geometry, as those of GenerateCase() are.
 void AimAnew(Case& c, size_t count, Random& random);

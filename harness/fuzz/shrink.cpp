@@ -22,7 +22,8 @@ class Shrinker {
     do {
       Reduce();
     } while (AimedElsewhere() && !stop_());
-    for (bool better = true; better && !stop_();) better = ShorterNumbers();
+    for (int rounds = 0; rounds < 3 && !stop_() && ShorterNumbers(); ++rounds) {
+    }
     return {best_, tries_};
   }
 
@@ -41,24 +42,32 @@ class Shrinker {
     }
   }
 
-  /// One primitive less, or two, may fail only with other rays.
+  /// Fewer primitives may fail only with other rays: a few of those there are, drawn at random, the fewest first.
   bool AimedElsewhere() {
-    constexpr size_t kSmall = 4, kLarge = 16, kRays = 64;
-    if (best_.rays.size() != 1 || best_.primitives() <= kSmall || best_.primitives() > kLarge) return false;
+    constexpr size_t kSmall = 4, kLarge = 200, kTries = 16, kRays = 400;
+    const size_t n = best_.primitives();
+    if (best_.rays.size() != 1 || n < 2 || n > kLarge) return false;
     Random random(best_.seed, tries_);
-    return ForOneList([&](auto list) {
-      for (size_t i = 0; i < (best_.*list).size() && !stop_(); ++i) {
+    for (size_t size = 1; size < std::min(n, n > kSmall ? kSmall + 1 : n); ++size) {
+      for (size_t i = 0; i < kTries && !stop_(); ++i) {
         Case candidate = best_;
-        (candidate.*list).erase((candidate.*list).begin() + ptrdiff_t(i));
+        while (candidate.primitives() > size) DropOne(candidate, random.Below(candidate.primitives()));
         AimAnew(candidate, kRays, random);
         if (Try(candidate)) return true;
       }
-      return false;
-    });
+    }
+    return false;
   }
-  template <class Fn>
-  bool ForOneList(const Fn& fn) {
-    return fn(&Case::triangles) || fn(&Case::spheres) || fn(&Case::cones) || fn(&Case::polygons);
+  static void DropOne(Case& c, size_t prim) {
+    const auto drop = [&](auto& list) {
+      if (prim < list.size()) {
+        list.erase(list.begin() + ptrdiff_t(prim));
+        return true;
+      }
+      prim -= list.size();
+      return false;
+    };
+    if (!drop(c.triangles) && !drop(c.spheres) && !drop(c.cones)) drop(c.polygons);
   }
 
   bool Try(const Case& candidate) {
@@ -156,8 +165,8 @@ class Shrinker {
     for (size_t i = 0; i < NumbersOf(best_).size(); ++i) {
       const float x = *NumbersOf(best_)[i];
       if (x == 0 && !std::signbit(x)) continue;
-      std::vector<float> shorter = {0, 1, -1, std::round(x)};
-      for (int digits = 1; digits < 7; ++digits)
+      std::vector<float> shorter = {0, std::round(x)};
+      for (int digits : {1, 2, 4})
         shorter.push_back(std::strtof(fmt::format("{:.{}g}", x, digits).c_str(), nullptr));
       for (float candidate_value : shorter) {
         if (!std::isfinite(candidate_value) || Length(candidate_value) >= Length(x)) continue;

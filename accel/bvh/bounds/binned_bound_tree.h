@@ -1,7 +1,6 @@
 // A hierarchy of any bound over the topology of the binned SAH builder.
 #pragma once
 
-#include "accel/base/memory.h"
 #include "accel/base/parallel.h"
 #include "accel/bvh/binned_sah.h"
 #include "accel/bvh/bound_tree.h"
@@ -15,7 +14,7 @@ BoundTree<Bound> BuildBinnedBoundTree(const rb_geometry& geometry, const rb_buil
   const uint64_t prims = PrimCount(geometry);
   BoundTree<Bound> tree;
   if (prims == 0) return tree;
-  RequireWithinLimit(BinnedSahPeakBytes(prims), options.memory_limit);
+  RequireWithinLimit(BinnedSahPeakBytes(prims), options);
   Arena arena(options.threads);
   arena.Run([&] {
     const BinnedSahOptions build{.costs = {.leaf_size = leaf_size}, .padded = padded};
@@ -23,7 +22,7 @@ BoundTree<Bound> BuildBinnedBoundTree(const rb_geometry& geometry, const rb_buil
         BoundTree<Bound>(geometry, BuildBinnedSah(geometry, build, options.cancel), padded, options.cancel);
   });
   const MemoryUse use = tree.Memory();
-  RequireWithinLimit(use.nodes + use.prims, options.memory_limit);
+  RequireWithinLimit(use.nodes + use.prims, options);
   return tree;
 }
 

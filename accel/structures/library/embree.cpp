@@ -112,7 +112,10 @@ class Embree {
     const rb_ray* const rays = query.rays;
     const size_t n = query.n;
     const RTCScene scene = scene_.get();
-    const bool open_end = config_.robust != 0;
+    // The robust test takes tnear in: its interval begins at the next float, which where subnormals are flushed is
+    // the smallest normal one.
+    const OpenEnd open_end{config_.robust != 0,
+                           config_.robust != 0 && config_.flush_to_zero != 0 ? 0x00800000u : 0};
     const uint32_t triangles = uint32_t(geometry_.triangle_count);
     const auto closest_hit = [&](const rb_ray& ray) -> rb_hit {
       RTCRayHit found;
@@ -170,11 +173,15 @@ class Embree {
   RTCScene scene() const { return scene_.get(); }
 
  private:
-  /// `open_end`: for a test that takes tnear in, the interval begins at the float after it.
-  static RTCRay ToEmbree(const rb_ray& in, bool open_end) {
+  /// By how many floats an interval begins after tnear, and the least bits of its beginning.
+  struct OpenEnd {
+    uint32_t steps, least;
+  };
+  static RTCRay ToEmbree(const rb_ray& in, OpenEnd open_end) {
     RTCRay ray;
     ray.org_x = in.org[0], ray.org_y = in.org[1], ray.org_z = in.org[2];
-    ray.tnear = std::bit_cast<float>((std::bit_cast<uint32_t>(in.tnear) & 0x7FFFFFFF) + open_end);
+    ray.tnear = std::bit_cast<float>(
+        std::max((std::bit_cast<uint32_t>(in.tnear) & 0x7FFFFFFF) + open_end.steps, open_end.least));
     ray.dir_x = in.dir[0], ray.dir_y = in.dir[1], ray.dir_z = in.dir[2], ray.time = 0;
     ray.tfar = in.tfar, ray.mask = unsigned(-1), ray.id = 0, ray.flags = 0;
     return ray;

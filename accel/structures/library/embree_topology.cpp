@@ -23,7 +23,6 @@
 #include <stdexcept>
 #include <vector>
 
-#include "accel/base/memory.h"
 #include "accel/base/parallel.h"
 #include "accel/ray/leaf_blocks.h"
 
@@ -79,7 +78,7 @@ class EmbreeTopology {
     const uint64_t prims = PrimCount(geometry);
     if (prims == 0) return;
     RequireWithinLimit(prims * (sizeof(RTCBuildPrimitive) + sizeof(MadeNode) / 4 + sizeof(MadeLeaf)),
-                       options.memory_limit);
+                       options);
     const bool padded = IsConservative(config.numerics);
     std::vector<RTCBuildPrimitive> boxes(prims);
     for (uint32_t i = 0; i < prims; ++i) {
@@ -133,7 +132,7 @@ class EmbreeTopology {
     if (root == nullptr)
       throw std::runtime_error(fmt::format("Embree reports error {}", int(rtcGetDeviceError(device.get()))));
     LayOut(geometry, *root);
-    RequireWithinLimit(Memory().nodes + Memory().prims, options.memory_limit);
+    RequireWithinLimit(Memory().nodes + Memory().prims, options);
   }
 
   template <class Counter>
