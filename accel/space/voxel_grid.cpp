@@ -314,7 +314,7 @@ class Builder {
 }  // namespace
 
 VoxelGrid::VoxelGrid(const rb_geometry& geometry, const rb_build_options& options, const GridOptions& grid)
-    : geometry_(geometry) {
+    : geometry_(geometry), exact_(grid.exact) {
   const Insertion insertion(geometry, grid.exact, grid.padded);
   const Part root = Builder(insertion, options, grid).BuildRoot();
 

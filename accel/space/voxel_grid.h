@@ -162,6 +162,7 @@ class VoxelGrid {
   int VisitLevel(const Level& level, uint32_t depth, Fn& node, std::vector<uint32_t>& prims) const;
 
   rb_geometry geometry_{};
+  bool exact_ = false;  ///< insertion by overlap
   std::vector<Level> levels_;  // the outermost first
   HugeArray<Tile> tiles_;
   HugeArray<Cell> cells_;
@@ -321,7 +322,9 @@ int VoxelGrid::VisitLevel(const Level& level, uint32_t depth, Fn& node, std::vec
         }
         shown.prim_count = uint32_t(prims.size()), shown.prims = prims.data();
         const int32_t end[3] = {c[0] + 1, c[1] + 1, c[2] + 1};
-        if (int stop = show(level.CellBox(c, end))) return stop;
+        // Walls lie between floats, and where triangles are only in cells that they meet, part of them may lie
+        // between a wall and the float next to it.
+        if (int stop = show(exact_ ? level.InnerBox(c, 0) : level.CellBox(c, end))) return stop;
       }
     }
   }
