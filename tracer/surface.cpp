@@ -169,7 +169,9 @@ Vec3d ShadingNormal(const Scene& scene, const rb_hit& hit, const SurfacePoint& s
   if (hit.prim < scene.triangles.size()) {
     const auto& corners = scene.triangles[hit.prim];
     const double u = hit.u, v = hit.v;
-    add(corners[0], 1 - u - v), add(corners[1], u), add(corners[2], v);
+    add(corners[0], 1 - u - v);
+    add(corners[1], u);
+    add(corners[2], v);
   } else if (const auto [kind, i] = scene.Locate(hit.prim); kind == PrimKind::kPolygon) {
     MeanValueWeights(scene, scene.CornersOf(scene.polygons[i]), surface, add);
   }

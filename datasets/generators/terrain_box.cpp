@@ -62,7 +62,8 @@ Scene Generate(const void* config, const LoadOptions& options) {
   Scene scene;
   scene.provenance.source = "terrain_box";
   Material rock;
-  rock.name = "terrain", rock.diffuse = {0.5f, 0.55f, 0.4f};
+  rock.name = "terrain";
+  rock.diffuse = {0.5f, 0.55f, 0.4f};
   Append(scene, mesh, AddMaterial(scene, rock));
   scene.Finish();
   return scene;

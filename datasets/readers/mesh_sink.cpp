@@ -12,8 +12,9 @@ void MeshSink::Expect(uint64_t vertices, uint64_t faces, uint64_t bytes) {
   vertices_ = vertices;
   scene_.positions.reserve(std::min(vertices, bytes) + 2);  // Finish() wants room for two more
   faces = std::min(faces, bytes);
-  scene_.triangles.reserve(faces), scene_.triangle_face.reserve(faces),
-      scene_.triangle_material.reserve(faces);
+  scene_.triangles.reserve(faces);
+  scene_.triangle_face.reserve(faces);
+  scene_.triangle_material.reserve(faces);
 }
 
 void MeshSink::AddFace(std::span<const uint32_t> corners, uint32_t material) {

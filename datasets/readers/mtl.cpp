@@ -103,7 +103,9 @@ class MtlReader : TextReader {
     for (std::string_view key; NextStatement(key, words);) {
       if (key == "newmtl") {
         CloseMaterial();
-        name_ = words.Rest(), statements_ = {}, is_open_ = true;
+        name_ = words.Rest();
+        statements_ = {};
+        is_open_ = true;
       } else if (is_open_) {
         Statement(key, words);
       } else {

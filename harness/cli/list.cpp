@@ -86,8 +86,14 @@ Json Parameters(std::span<const rb_param> params) {
                       : p.type == RB_INT   ? Json(int64_t(p.def))
                       : p.type == RB_FLOAT ? Json(p.def)
                                            : Json(p.choices[size_t(p.def)]);
-    if (p.type == RB_INT) json["lo"] = int64_t(p.lo), json["hi"] = int64_t(p.hi);
-    if (p.type == RB_FLOAT) json["lo"] = p.lo, json["hi"] = p.hi;
+    if (p.type == RB_INT) {
+      json["lo"] = int64_t(p.lo);
+      json["hi"] = int64_t(p.hi);
+    }
+    if (p.type == RB_FLOAT) {
+      json["lo"] = p.lo;
+      json["hi"] = p.hi;
+    }
     if (p.type == RB_CHOICE)
       for (const char* const* c = p.choices; *c != nullptr; ++c) json["choices"].push_back(*c);
     json["logarithmic"] = (p.flags & RB_PARAM_LOG) != 0;

@@ -44,7 +44,8 @@ void ParseSize(const std::string& text, RenderOptions& options) {
   const uint64_t width = side(text.substr(0, by)), height = by == text.npos ? 0 : side(text.substr(by + 1));
   if (width < 1 || height < 1 || width > 16384 || height > 16384)
     throw InputError(fmt::format("--size {}: write WIDTHxHEIGHT, each 1 to 16384", text));
-  options.width = uint32_t(width), options.height = uint32_t(height);
+  options.width = uint32_t(width);
+  options.height = uint32_t(height);
 }
 
 /// Before any work: that the file, and pictures at all, can be written.
@@ -67,7 +68,8 @@ RenderHeatOptions HeatOptionsOf(const Registry& registry, const RenderOptions& o
   heat.scale = options.heat_scale;
   heat.contestants = HeatContestants(
       registry, options.heat_structures ? SplitSpecs(*options.heat_structures) : std::vector<std::string>());
-  heat.width = options.width, heat.height = options.height;
+  heat.width = options.width;
+  heat.height = options.height;
   heat.depth = options.depth;
   heat.threads = options.threads;
   heat.seed = options.seed;
@@ -80,7 +82,8 @@ int RenderCommand(const Registry& registry, const RenderOptions& options) {
   std::optional<RenderHeatOptions> heat;
   if (options.heat) heat = HeatOptionsOf(registry, options);
   TraceOptions trace;
-  trace.width = options.width, trace.height = options.height;
+  trace.width = options.width;
+  trace.height = options.height;
   trace.max_depth = options.depth;
   trace.threads = options.threads;
   SetTraceOptions(options.picture, trace);
@@ -104,7 +107,10 @@ int RenderCommand(const Registry& registry, const RenderOptions& options) {
   const Tree tree(contestant, geometry, build);
   const double build_seconds = build_watch.Elapsed().wall;
   Progress progress;
-  trace.progress = [&](double fraction) { ThrowIfInterrupted(), progress.Update(fraction, "rendering"); };
+  trace.progress = [&](double fraction) {
+    ThrowIfInterrupted();
+    progress.Update(fraction, "rendering");
+  };
   const Stopwatch trace_watch(true);
   const TraceResult result = Trace(scene, tree, trace);
   const double trace_seconds = trace_watch.Elapsed().wall;

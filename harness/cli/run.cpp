@@ -97,7 +97,8 @@ void AddRunCommand(CLI::App& app, Invocation& invocation) {
                              RunOptions& run = arguments.run;
                              if (arguments.structures) run.structures = SplitSpecs(*arguments.structures);
                              const RayWords rays = ReadRayWords(arguments.rays);
-                             run.rays = rays.number, run.ray_files = rays.files;
+                             run.rays = rays.number;
+                             run.ray_files = rays.files;
                              if (!run.ray_files.empty() && run.scenes.empty())
                                throw InputError("--rays FILE: name the scene that the rays were recorded in");
                              if (!run.ray_files.empty() && !run.sets.empty())

@@ -137,13 +137,19 @@ PerRay CountAll(const Tree& tree, const std::vector<RaySet>& sets, uint32_t thre
     std::vector<uint8_t> occluded(set.query == RB_ANY ? n : 0);
     std::vector<rb_counts> counts(n);
     rb_query query{};
-    query.struct_size = sizeof query, query.kind = set.query, query.n = n;
-    query.rays = set.rays.data(), query.counts = counts.data();
-    query.hits = hits.data(), query.occluded = occluded.data();
+    query.struct_size = sizeof query;
+    query.kind = set.query;
+    query.n = n;
+    query.rays = set.rays.data();
+    query.counts = counts.data();
+    query.hits = hits.data();
+    query.occluded = occluded.data();
     QueryParallel(tree, query, threads);
     for (const rb_counts& c : counts) {
-      sum.steps += double(c.steps), sum.leaves += double(c.leaves);
-      sum.empty_leaves += double(c.empty_leaves), sum.prims += double(c.prims);
+      sum.steps += double(c.steps);
+      sum.leaves += double(c.leaves);
+      sum.empty_leaves += double(c.empty_leaves);
+      sum.prims += double(c.prims);
     }
     sum.hits += double(std::count(occluded.begin(), occluded.end(), 1));
     for (const rb_hit& hit : hits) sum.hits += hit.prim != RAYBENCH_NONE;
@@ -164,7 +170,8 @@ class Spd {
     if (names.empty())
       for (const SpdCounts& counts : kSpdCounts) names.emplace_back(counts.scene);
     for (size_t i = 0; i < names.size(); ++i) {
-      begin_ = double(i) / double(names.size()), share_ = 1 / double(names.size());
+      begin_ = double(i) / double(names.size());
+      share_ = 1 / double(names.size());
       CountScene(names[i]);
     }
     fmt::print("{}\n", kNote);
@@ -267,7 +274,10 @@ class Spd {
     const Tree tree(contestant, geometry, BuildOptions(options_.threads, 1));
     const std::optional<TreeStatistics> statistics = ReadTree(tree, geometry);
     std::vector<Row> rows = make(statistics.value(), CountAll(tree, rays, options_.threads));
-    for (Row& row : rows) row.scene = name, row.structure = contestant.Spec();
+    for (Row& row : rows) {
+      row.scene = name;
+      row.structure = contestant.Spec();
+    }
     progress_.Clear();
     fmt::print("{}: {}\n", name, contestant.Spec());
     Add(rows);

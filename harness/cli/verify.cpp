@@ -165,7 +165,8 @@ int Verify(VerifyArguments& arguments, const Registry& registry, const Invocatio
   VerifyOptions& verify = arguments.verify;
   if (arguments.structures) verify.structures = SplitSpecs(*arguments.structures);
   const RayWords rays = ReadRayWords(arguments.rays);
-  verify.rays = rays.number, verify.ray_files = rays.files;
+  verify.rays = rays.number;
+  verify.ray_files = rays.files;
   if (verify.all) {
     TakeAll(verify);
   } else if (verify.scenes.empty()) {

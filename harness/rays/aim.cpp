@@ -194,7 +194,10 @@ rb_ray GrazingRay(const Aim& aim, Random& random) {
   const Vec3d a = ToDouble(scene.positions[t[0]]), e = ToDouble(scene.positions[t[1]]) - a,
               f = ToDouble(scene.positions[t[2]]) - a;
   double u = random.NextDouble(), v = random.NextDouble();
-  if (u + v > 1) u = 1 - u, v = 1 - v;
+  if (u + v > 1) {
+    u = 1 - u;
+    v = 1 - v;
+  }
   const double x = Between(random, -1, 1), y = Between(random, -1, 1);
   const Vec3d inside = a + e * u + f * v, way = e * x + f * y;
   const double length = Length(way);

@@ -111,7 +111,8 @@ void SceneRun::Measure() {
   if (!entrants_.empty()) {
     size_t most = 0;
     for (const PreparedSet& s : sets_) most = std::max(most, s.set.rays.size());
-    answers_.emplace(most), counted_.emplace(most);
+    answers_.emplace(most);
+    counted_.emplace(most);
     ladder_.emplace(sets_, *answers_, context_.budget, context_.engine.min_time().value_or(0), options_.seed);
     for (Entrant* entrant : AnchorsFirst(entrants_)) {
       Enter(*entrant);
@@ -399,7 +400,8 @@ std::vector<SceneRun::Open> SceneRun::OpenCases() {
     for (const PlannedCase& c : entrant->cases) {
       if (!c.skip.empty() || Done(c)) continue;
       Row values = entrant->ValuesOf(c);
-      ++context_.seen, context_.last_name = c.Name();
+      ++context_.seen;
+      context_.last_name = c.Name();
       if (context_.engine.Takes(c.Name())) {
         ++context_.taken;
         open.push_back({entrant, &c, std::move(values)});

@@ -318,7 +318,11 @@ class CgalOracle final : public JudgingOracle {
       if (adjacency_.Representative(prim) != adjacency_.Representative(truth.tied.back())) {
         const exact::Ratio ratio = Ratio(ray, prim);
         order = exact::Compare(ratio, best);
-        if (order < 0) best = ratio, truth.tied.clear(), meeting = crossings[i].meeting;
+        if (order < 0) {
+          best = ratio;
+          truth.tied.clear();
+          meeting = crossings[i].meeting;
+        }
       }
       if (order <= 0) truth.tied.push_back(prim);
     }

@@ -80,7 +80,8 @@ std::string FlawOf(const Json& campaign) {
     const uint64_t seed = run["seed"], rays = run["rays"], misses = run["misses"];
     if (misses > rays) return fmt::format("has more misses than rays in the run with seed {}", seed);
     if (!seeds.insert(seed).second) return fmt::format("has two runs with seed {}", seed);
-    sum.rays += rays, sum.misses += misses;
+    sum.rays += rays;
+    sum.misses += misses;
   }
   if (campaign["rays"] != sum.rays || campaign["misses"] != sum.misses)
     return fmt::format("has {} rays and {} misses, but its runs add up to {} and {}",
@@ -103,7 +104,9 @@ uint64_t Ledger::Begin(const LedgerKey& key, const std::string& scene, uint64_t 
   if (campaign == nullptr) {
     Json fresh = {{"scene", scene}};
     fresh.update(KeyOf(key));
-    fresh["rays"] = 0u, fresh["misses"] = 0u, fresh["runs"] = Json::array();
+    fresh["rays"] = 0u;
+    fresh["misses"] = 0u;
+    fresh["runs"] = Json::array();
     ledger["campaigns"].push_back(std::move(fresh));
     campaign = &ledger["campaigns"].back();
   }
@@ -123,12 +126,18 @@ void Ledger::Record(const LedgerKey& key, uint64_t seed, uint64_t rays, uint64_t
   LedgerTotals sum;
   if (campaign != nullptr) {
     for (Json& run : campaign->at("runs")) {
-      if (run.at("seed") == seed) run["rays"] = rays, run["misses"] = misses, found = true;
-      sum.rays += run.at("rays").get<uint64_t>(), sum.misses += run.at("misses").get<uint64_t>();
+      if (run.at("seed") == seed) {
+        run["rays"] = rays;
+        run["misses"] = misses;
+        found = true;
+      }
+      sum.rays += run.at("rays").get<uint64_t>();
+      sum.misses += run.at("misses").get<uint64_t>();
     }
   }
   if (!found) throw InputError(fmt::format("{}: the run with seed {} is gone", path_.string(), seed));
-  campaign->at("rays") = sum.rays, campaign->at("misses") = sum.misses;
+  campaign->at("rays") = sum.rays;
+  campaign->at("misses") = sum.misses;
   Write(ledger);
 }
 

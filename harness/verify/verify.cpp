@@ -56,7 +56,8 @@ struct Chunk {
 Chunk Every(const Chunk& chunk, uint64_t stride) {
   Chunk part;
   const uint64_t skip = (stride - chunk.first % stride) % stride;
-  part.first = chunk.first + skip, part.step = stride;
+  part.first = chunk.first + skip;
+  part.step = stride;
   for (uint64_t i = skip; i < chunk.rays.rays.size(); i += stride) {
     part.rays.rays.push_back(chunk.rays.rays[i]);
     part.truth.push_back(chunk.truth[i]);
@@ -99,16 +100,29 @@ struct SceneSum {
     broken += tree.Broken() ? 1 : 0;
     for (const VerdictRow& row : tree.rows) {
       answers += row.counts.rays;
-      if (tree.claim == RB_CLAIM_WATERTIGHT)
-        watertight += row.counts.rays, leaks += row.counts.leaks(), plain += row.counts.plain_errors();
-      if (tree.claim == RB_CLAIM_EXACT)
-        exact += row.counts.rays, loose += row.counts.rays - row.counts.strict;
+      if (tree.claim == RB_CLAIM_WATERTIGHT) {
+        watertight += row.counts.rays;
+        leaks += row.counts.leaks();
+        plain += row.counts.plain_errors();
+      }
+      if (tree.claim == RB_CLAIM_EXACT) {
+        exact += row.counts.rays;
+        loose += row.counts.rays - row.counts.strict;
+      }
     }
   }
   void Add(const SceneSum& s) {
-    primitives += s.primitives, seconds += s.seconds, trees += s.trees, without += s.without;
-    broken += s.broken, answers += s.answers, watertight += s.watertight, leaks += s.leaks;
-    plain += s.plain, exact += s.exact, loose += s.loose;
+    primitives += s.primitives;
+    seconds += s.seconds;
+    trees += s.trees;
+    without += s.without;
+    broken += s.broken;
+    answers += s.answers;
+    watertight += s.watertight;
+    leaks += s.leaks;
+    plain += s.plain;
+    exact += s.exact;
+    loose += s.loose;
   }
   std::vector<std::string> Cells() const {
     std::vector<std::string> row{scene};
@@ -134,7 +148,8 @@ class Verification {
     for (const std::string& name : options_.scenes) {
       if (!seen.insert(name).second) throw InputError(fmt::format("scene '{}' is given twice", name));
       LoadOptions load;
-      load.seed = options_.seed, load.drop_bad = options_.drop_bad;
+      load.seed = options_.seed;
+      load.drop_bad = options_.drop_bad;
       scenes_.push_back(LoadWithProgress(name, load));
       if (scenes_.back().primitive_count() == 0)
         throw InputError(fmt::format("scene '{}' has no primitives", name));
@@ -189,8 +204,11 @@ class Verification {
   }
 
   void VerifyScene() {
-    entrants_.clear(), absent_.clear();
-    done_ = 0, work_ = 1, audited_ = 0;
+    entrants_.clear();
+    absent_.clear();
+    done_ = 0;
+    work_ = 1;
+    audited_ = 0;
     Update("preparing truth");
     oracle_ = MakeOracle(scene());
     BuildAll();
@@ -199,7 +217,8 @@ class Verification {
     const uint64_t planes =
         std::count_if(planes_.begin(), planes_.end(), [](const AimedSet& set) { return set.absent.empty(); });
     const uint64_t rays = options_.RaysPerSet();
-    done_ = 0, work_ = double(planes) * double(rays);
+    done_ = 0;
+    work_ = double(planes) * double(rays);
     for (const Source& source : sources) work_ += double(source.count);
     for (Source source : sources) {
       if (replayed_.empty()) source.count = rays;
@@ -348,7 +367,8 @@ class Verification {
       result.contract_flaw =
           fmt::format("{} (of those from {} on, of set {})", verdicts.contract_flaw, chunk.first, row.set);
     const auto in_set = [&](JudgedAnswer answer) {
-      answer.set = row.set, answer.index = chunk.first + answer.index * chunk.step;
+      answer.set = row.set;
+      answer.index = chunk.first + answer.index * chunk.step;
       return answer;
     };
     if (verdicts.breaking && !result.breaking) result.breaking = in_set(*verdicts.breaking);
@@ -445,7 +465,9 @@ class Verification {
             file = distinct_(fmt::format("{}-{}-{}", FileStem(scene_name()), FileStem(it->first.first),
                                          QueryName(example.query))) +
                    ".rays";
-          set.kind = "example", set.order = "recorded", set.query = example.query;
+          set.kind = "example";
+          set.order = "recorded";
+          set.query = example.query;
           set.rays.push_back(example.ray);
           entry["file"] = file;
         } else {
@@ -535,7 +557,8 @@ int ReplayOneRay(const Registry& registry, const VerifyOptions& options, const s
   ReadNumbers(text);  // what is none is said at once
   const std::vector<Contestant> contestants = EveryArithmetic(registry, options.structures);
   LoadOptions load;
-  load.seed = options.seed, load.drop_bad = options.drop_bad;
+  load.seed = options.seed;
+  load.drop_bad = options.drop_bad;
   const Scene scene = LoadWithProgress(options.scenes.at(0), load);
   const auto [ray, rounded] = ParseRay(text, scene.scale_exponent);
   const auto oracle = MakeOracle(scene);
