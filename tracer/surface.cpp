@@ -1,8 +1,8 @@
 // Error-bound offset of ray origins (the idea: Pharr, Jakob, Humphreys, Physically Based Rendering, section
 // "Managing Rounding Error"; the bounds here are our own). u = 2^-24 is the unit roundoff of float.
 //
-// A ray that starts at a hit must not hit the same primitive again, at any scale and any place. These errors
-// count:
+// A ray that starts at a hit must not hit the same primitive again, at any scale and any place. These
+// errors count:
 //
 // 1. Rounding the origin to float moves component i by at most u |q_i|, so its distance from the tangent
 //    plane changes by at most u sum |n_i q_i|. The point itself is an affine combination of the vertices in
@@ -27,8 +27,8 @@
 // 3. On a curved surface the origin also moves along the tangent plane, by at most delta = u |q|, and there
 //    the surface bends away by delta^2 / 2r, never by more than delta.
 //
-// The origin is moved by the sum of these, so that after rounding it is at least the second away from the
-// surface.
+// The origin is moved by the sum of these, so that after rounding it is at least the second away from
+// the surface.
 #include "tracer/surface.h"
 
 namespace raybench {

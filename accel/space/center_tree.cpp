@@ -180,9 +180,10 @@ class Builder {
         const float c = o.center[k];
         bool lower = b.lo[a] <= c, upper = b.hi[a] >= c;  // both halves own the plane
         if (c >= box.hi[a]) {
+          // Too thin to be halved.
           lower = true;
           upper = false;
-        }  // too thin to be halved
+        }
         if (!lower) mask &= kUpper[k];
         if (!upper) mask &= ~kUpper[k];
       }

@@ -1,5 +1,5 @@
-// The sphereflake: each sphere carries nine of a third of its radius, six around its equator and three above
-// them.
+// The sphereflake: each sphere carries nine of a third of its radius, six around its equator and three
+// above them.
 
 #include "datasets/generators/spd.h"
 
@@ -28,8 +28,8 @@ class Balls {
                                       kZAxis, Degrees(120 * third));
   }
 
-  /// `outward`: unit vector away from the parent; `path`: 1, then a digit for each step from the first
-  /// sphere.
+  /// `outward`: unit vector away from the parent; `path`: 1, then a digit for each step from the
+  /// first sphere.
   void Add(Vec3d center, double radius, Vec3d outward, int64_t generations, uint64_t path = 1) {
     AddSphere(scene_, center, radius, material_);
     if (generations == 0) return;

@@ -1,9 +1,9 @@
-// A city of boxes: podium, tower and roof house on each lot of a street grid, high in the middle and low at
-// the rim, on one large ground. Everything stands along the axes, so boxes fit; but facades are strips from
-// bottom to top, long and thin, the ground's two triangles lie under all of it, and sizes differ by four
-// orders of magnitude. Rays along a street pass many boxes and hit none. It stands for architecture and urban
-// models, which come as such boxes. The glass strips mirror, so that there are reflection rays in all
-// directions.
+// A city of boxes: podium, tower and roof house on each lot of a street grid, high in the middle and low
+// at the rim, on one large ground. Everything stands along the axes, so boxes fit; but facades are strips
+// from bottom to top, long and thin, the ground's two triangles lie under all of it, and sizes differ by
+// four orders of magnitude. Rays along a street pass many boxes and hit none. It stands for architecture
+// and urban models, which come as such boxes. The glass strips mirror, so that there are reflection rays
+// in all directions.
 
 #include <cstddef>
 #include <tuple>

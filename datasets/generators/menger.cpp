@@ -4,10 +4,10 @@
 // planes of splitting planes, and is kind to boxes otherwise; the exact counts are known. Only faces between
 // inside and outside are made, over shared vertices: the surface is closed at any depth.
 //
-// A cell (x, y, z) of the lattice of 3^depth is empty if in some base-3 digit at least two coordinates are 1.
-// With the digits that are 1 as bits of a word, that is three ands. A lattice point is a vertex if its eight
-// cells are neither all empty nor all full, so vertices are bits in a map, and their ids counts of the bits
-// before.
+// A cell (x, y, z) of the lattice of 3^depth is empty if in some base-3 digit at least two coordinates are
+// 1. With the digits that are 1 as bits of a word, that is three ands. A lattice point is a vertex if its
+// eight cells are neither all empty nor all full, so vertices are bits in a map, and their ids counts of the
+// bits before.
 
 #include <bit>
 #include <cstddef>

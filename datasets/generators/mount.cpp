@@ -20,8 +20,8 @@ uint32_t Seed(uint32_t x, uint32_t y, int size) {
   return kMountain + (((x << (23 - size)) + (y << (15 - size)) + high) & 0xFFFF);
 }
 
-/// Normal deviate of variance 1 by Marsaglia's polar method, on a congruential generator of Numerical
-/// Recipes.
+/// Normal deviate of variance 1 by Marsaglia's polar method, on a congruential generator of
+/// Numerical Recipes.
 double Gauss(uint32_t seed) {
   constexpr uint64_t kModulus = 134456, kFactor = 8121, kIncrement = 28411;
   uint64_t second = seed;

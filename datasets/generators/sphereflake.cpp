@@ -20,8 +20,7 @@ const rb_param kParams[] = {
     IntParam(
         "tessellation",
         "0: analytic spheres; else the first sphere has 20 * 4^tessellation triangles and each generation a "
-        "quarter of the "
-        "one before, 20 at least (100,882 triangles in all at (3,4), 1,413,082 at (5,4))",
+        "quarter of the one before, 20 at least (100,882 triangles in all at (3,4), 1,413,082 at (5,4))",
         offsetof(Config, tessellation), 0, 8, 4),
 };
 

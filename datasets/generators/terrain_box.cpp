@@ -1,5 +1,5 @@
-// A closed box whose top is a fractal height field: many small triangles in a layer, large slivers around
-// them.
+// A closed box whose top is a fractal height field: many small triangles in a layer, large slivers
+// around them.
 
 #include <cstddef>
 

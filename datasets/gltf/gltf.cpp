@@ -332,8 +332,8 @@ class GltfReader {
 
   // --- Meshes
 
-  /// A primitive of triangles. Only its accessors are known yet: the data of each instance are read from
-  /// them.
+  /// A primitive of triangles. Only its accessors are known yet: the data of each instance are read
+  /// from them.
   struct Part {
     int positions, normals = -1, uvs = -1, indices = -1;
     int mode;

@@ -35,8 +35,7 @@ const rb_param kParams[] = {
              0, 15, 1),
     ChoiceParam("scheme",
                 "loop smooths (Loop 1987), midpoint keeps the surface, sqrt3 smooths in smaller steps "
-                "(Kobbelt 2000), "
-                "butterfly smooths and keeps the vertices (Zorin, Schroeder, Sweldens 1996)",
+                "(Kobbelt 2000), butterfly smooths and keeps the vertices (Zorin, Schroeder, Sweldens 1996)",
                 offsetof(Config, scheme), kSchemes, kLoop),
     BoolParam("weld", "make vertices of equal coordinates one first", offsetof(Config, weld), true),
 };

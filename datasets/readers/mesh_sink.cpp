@@ -54,8 +54,7 @@ void MeshSink::Close() {
   if (scene_.stats.crossed_faces > 0)
     scene_.stats.notes.push_back(
         fmt::format("{} polygons whose outlines cross themselves, such as face {}, are fans of triangles, "
-                    "which may cover "
-                    "more or less than meant",
+                    "which may cover more or less than meant",
                     scene_.stats.crossed_faces, first_crossed_));
 }
 

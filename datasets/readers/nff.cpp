@@ -25,8 +25,7 @@ namespace {
 
 constexpr char kEntities[] =
     "v (camera), b (background), l (light), f (material), s (sphere), c (cone or cylinder), p, pp "
-    "(polygons), "
-    "# (comment)";
+    "(polygons), # (comment)";
 
 /// Gives equal corners the same index. Open addressing, at most half full.
 class VertexTable {

@@ -1,8 +1,8 @@
 // PLY, the Polygon File Format (Turk 1994): ASCII, binary little-endian and binary big-endian.
 //
-// The header describes the elements, which may come in any order and have any properties. What matters here
-// is x, y and z of `vertex`, the list vertex_indices of `face` and that of `tristrips`; everything else is
-// skipped.
+// The header describes the elements, which may come in any order and have any properties. What matters
+// here is x, y and z of `vertex`, the list vertex_indices of `face` and that of `tristrips`; everything
+// else is skipped.
 
 #include <fmt/format.h>
 

@@ -3,8 +3,8 @@
 // What makes a cut right is simple. Whatever n - 2 triangles a polygon is cut into along chords, at each
 // point of the plane the triangles around it, those turning the other way counted negative, add up to the
 // winding number of the outline. So if no triangle turns the other way, a polygon that does not cross itself
-// is covered once, and nothing else is. This is what is checked; finding ears by emptiness only serves to get
-// there.
+// is covered once, and nothing else is. This is what is checked; finding ears by emptiness only serves to
+// get there.
 
 #include "datasets/readers/triangulate.h"
 

@@ -1,6 +1,6 @@
-// Error-free transformations (Dekker 1971, Knuth 1969) and expansions (Shewchuk 1997). Differences of floats
-// and products of two such differences lie between 2^-298 and 2^260, so nothing over- or underflows in
-// double.
+// Error-free transformations (Dekker 1971, Knuth 1969) and expansions (Shewchuk 1997). Differences of
+// floats and products of two such differences lie between 2^-298 and 2^260, so nothing over- or underflows
+// in double.
 
 #include "datasets/scene/orientation.h"
 

@@ -1,5 +1,5 @@
-// How a scene gets into the state that the plugin contract promises: finite, in range, no degenerate
-// triangle.
+// How a scene gets into the state that the plugin contract promises: finite, in range, no
+// degenerate triangle.
 
 #include "datasets/scene/scene.h"
 
@@ -97,8 +97,8 @@ Camera AutomaticCamera(const Bounds3& bounds) {
   return camera;
 }
 
-/// A key light over the camera's left shoulder and a weaker fill light from its right, both outside the
-/// bounds.
+/// A key light over the camera's left shoulder and a weaker fill light from its right, both outside
+/// the bounds.
 std::vector<Light> AutomaticLights(const Bounds3& bounds, const Camera& camera) {
   Vec3d at = ToDouble(camera.at), back = ToDouble(camera.eye) - at;
   Vec3d up = ToDouble(camera.up), side = Cross(up, back);

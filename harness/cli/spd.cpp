@@ -38,8 +38,7 @@ struct SpdOptions {
 constexpr const char* kNote =
     "Figures per ray are averaged over all rays of the picture, those that miss the grid included; a shadow "
     "ray stops at its first hit. What is published as tests per ray of octrees agrees with tests per ray "
-    "that "
-    "hits: the ratio to the fewest possible (Havran's r_ITM).";
+    "that hits: the ratio to the fewest possible (Havran's r_ITM).";
 
 constexpr SpdFigure kNoFigure{kUncounted, kUncounted};
 
@@ -346,8 +345,8 @@ void AddSpdCommand(CLI::App& app, Invocation& invocation) {
         command.add_option("--csv", spd.csv, "Write all figures as CSV")->type_name("FILE");
         command.footer(
             "Rays are those of `raybench render --rules spd --pattern corners`, 513 x 513 of them. "
-            "Published: "
-            "Havran and Sixta 1999 (their opaque surfaces were one-sided), octrees Havran 1999; check: an "
+            "Published: Havran and Sixta 1999 (their opaque surfaces were one-sided), octrees Havran 1999; "
+            "check: an "
             "independent one by the rules used here. Where published grids and octrees of a scene are known, "
             "these are built and asked the same rays.");
       },

@@ -68,8 +68,7 @@ void AddOptions(CLI::App& command, VerifyArguments& arguments) {
   CLI::Option* all = command.add_flag(
       "--all", verify.all,
       "Every generator at 3,000 primitives or its fewest, every fetched model of at most 80,000, every "
-      "structure at "
-      "each of its numerics: a table with a line a scene, and details only of what is broken");
+      "structure at each of its numerics: a table with a line a scene, and details only of what is broken");
   command
       .add_option("--structures", arguments.structures,
                   "Such as bvh_sah,embree(robust=true); default: one of each family, at each value of "

@@ -1,5 +1,5 @@
-// Many primitives where a structure cannot divide them: copies, points and lines, and the teapot in a
-// stadium.
+// Many primitives where a structure cannot divide them: copies, points and lines, and the teapot in
+// a stadium.
 #include <fmt/format.h>
 
 #include "harness/extremes/make.h"

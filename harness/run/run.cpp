@@ -33,9 +33,9 @@ namespace raybench {
 namespace fs = std::filesystem;
 namespace {
 
-/// Rays that are traced beforehand, through camera and anywhere half of them, to learn what a scene costs a
-/// structure; and the largest scene on which all are built for that. Larger ones cost more to build than to
-/// ask.
+/// Rays that are traced beforehand, through camera and anywhere half of them, to learn what a scene costs
+/// a structure; and the largest scene on which all are built for that. Larger ones cost more to build than
+/// to ask.
 constexpr uint64_t kProbeRays = 512, kLargestProbed = 300000;
 
 /// Seconds that drawing the report takes, more or less.

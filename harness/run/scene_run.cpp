@@ -157,8 +157,8 @@ Entrant SceneRun::PlanEntrant(const Contestant& contestant) {
   const std::string not_taken = WhyNotTaken(*contestant.structure, scene());
   const auto plan = [&](const Case& c, size_t set, const std::string& why) {
     entrant.cases.push_back({c, set, why});
-    // Scenes are planned one after the other, and ray sets known only then; so the place is (scene, place
-    // within).
+    // Scenes are planned one after the other, and ray sets known only then; so the place is (scene,
+    // place within).
     entrant.cases.back().key.plan_index = (uint64_t{index_} << 32) + plan_size_++;
   };
   for (uint32_t threads : context_.BuildThreads()) {

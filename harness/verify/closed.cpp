@@ -173,8 +173,8 @@ class Campaign {
     prepared_ = seed;
   }
 
-  /// Until all are fired or Ctrl-C; returns the seconds it took. `record` is called now and then, and at the
-  /// end.
+  /// Until all are fired or Ctrl-C; returns the seconds it took. `record` is called now and then, and at
+  /// the end.
   template <class Record>
   double FireAll(const Tree& tree, uint64_t seed, const Record& record) {
     const uint64_t batches = (options_.closed + kClosedBatch - 1) / kClosedBatch;

@@ -374,8 +374,8 @@ TEST_F(HarnessReports, OpenEndAndFacesAtZeroForEveryStructure) {
   const std::string mesh = Write("cube.obj", cube);
   const Scene scene = LoadScene(mesh);
   const float d = 0x1p-149f;
-  // From the face, from a float beside it, and with t == tnear at the near face; then the far one is the
-  // answer.
+  // From the face, from a float beside it, and with t == tnear at the near face; then the far one is
+  // the answer.
   const std::string rays = WriteRays("ends.rays", scene,
                                      {{{.3f, .4f, 0}, 0, {0, 0, 1}, kNever},
                                       {{.3f, .4f, 0}, 0, {0, 0, -1}, kNever},

@@ -131,8 +131,8 @@ TEST(HarnessTreeStatistics, CountsDepthReferencesAndSahCostOfAHandMadeTree) {
   EXPECT_EQ(s->empty_leaf_nodes, 1u);
   EXPECT_EQ(s->references, 2u);
   EXPECT_EQ(s->depth, 2u);
-  // Half areas: root 3+1+3 = 7, the others 3. 1 (root) + 3/7 (left leaf, one primitive) + 3/7 (inner) + 3/7
-  // (leaf).
+  // Half areas: root 3+1+3 = 7, the others 3. 1 (root) + 3/7 (left leaf, one primitive) + 3/7 (inner) +
+  // 3/7 (leaf).
   ASSERT_TRUE(s->sah_cost);
   EXPECT_NEAR(*s->sah_cost, 1 + 9.0 / 7, 1e-12);
   EXPECT_EQ(s->flaw, "");

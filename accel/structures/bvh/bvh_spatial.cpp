@@ -231,8 +231,8 @@ class SpatialBuilder {
     return BestPlane(bins, range.size(), room, slices);
   }
 
-  /// Extends the bins of the slices that a reference reaches by its parts there. They are estimates, in
-  /// float.
+  /// Extends the bins of the slices that a reference reaches by its parts there. They are estimates,
+  /// in float.
   void Add(const Record& reference, int axis, const Slices& slices, SliceBins& bins) const {
     const uint32_t first = slices.Of(reference.lo[axis], axis), last = slices.Of(reference.hi[axis], axis);
     ++bins.enter[axis][first];
