@@ -132,17 +132,22 @@ int RenderCommand(const Registry& registry, const RenderOptions& options) {
 
 void AddRenderCommand(CLI::App& app, Invocation& invocation) {
   AddCommand<RenderOptions>(
-      app, invocation, "render", "Render one picture, or what traversal costs per pixel",
+      app, invocation, "render", "Render one picture, or a heat map of the cost of traversal",
       [](CLI::App& command, RenderOptions& render) {
-        command.add_option("scene", render.scene, "What to render")->required()->type_name("SCENE");
-        CLI::Option* structure =
-            command.add_option("--structure", render.structure, "What answers the rays; default bvh_sah")
-                ->type_name("A(X=1)");
+        command.add_option("scene", render.scene, "File, generator or fetched model")
+            ->required()
+            ->type_name("SCENE");
+        CLI::Option* structure = command
+                                     .add_option("--structure", render.structure,
+                                                 "Structure that traces the rays; default bvh_sah")
+                                     ->type_name("A(X=1)");
         command.add_option("-o,--out", render.out, "Picture to write, .png or .exr")
             ->required()
             ->type_name("FILE");
-        command.add_option("--size", render.size, "Pixels; default 512x512")->type_name("WxH");
-        command.add_option("--depth", render.depth, "Reflections and refractions in a row; default 4")
+        command.add_option("--size", render.size, "Size in pixels; default 512x512")->type_name("WxH");
+        command
+            .add_option("--depth", render.depth,
+                        "Largest number of reflections and refractions in a row; default 4")
             ->transform(WholeNumber(0, 64))
             ->type_name("N");
         command.add_option("--threads", render.threads, "Threads; default all")
@@ -157,16 +162,15 @@ void AddRenderCommand(CLI::App& app, Invocation& invocation) {
             command
                 .add_option(
                     "--heat", render.heat,
-                    "Colour each pixel by what its camera ray costs: traversal steps, primitive tests "
-                    "or both, on one scale for all structures. A .png is a sheet with legends; an .exr "
-                    "holds the picture and the raw counts as channels STRUCTURE.steps and "
-                    "STRUCTURE.prims")
+                    "Colour each pixel by the cost of its camera ray: traversal steps, primitive tests or "
+                    "both, on one scale for all structures. A .png becomes a sheet with legends; an .exr "
+                    "holds the picture and the raw counts as channels STRUCTURE.steps and STRUCTURE.prims")
                 ->check(CLI::IsMember({"steps", "prims", "both"}))
                 ->excludes(structure)
                 ->type_name("KIND");
         command
             .add_option("--structures", render.heat_structures,
-                        "What --heat compares; default: all that count, but for null and brute")
+                        "Structures that --heat compares; default: all that can count, except null and brute")
             ->needs(heat)
             ->type_name("A,B(X=1)");
         command
@@ -178,8 +182,9 @@ void AddRenderCommand(CLI::App& app, Invocation& invocation) {
             ->type_name("SCALE");
         for (CLI::Option* option : AddPictureOptions(command, render.picture)) option->excludes(heat);
         command.footer(
-            "raybench render sponza --samples 4 --filter mitchell --adaptive 0.05 -o sponza.png\n"
-            "raybench render engine --heat both --structures \"bvh_sah,bvh_sah(numerics=fast)\" -o heat.png");
+            "Examples:\n"
+            "  raybench render sponza --samples 4 --filter mitchell --adaptive 0.05 -o sponza.png\n"
+            "  raybench render engine --heat both --structures \"bvh_sah,kdop\" -o heat.png");
       },
       [](RenderOptions& options, const Registry& registry) {
         if (!options.size.empty()) ParseSize(options.size, options);

@@ -1,4 +1,4 @@
-// raybench spd: the rays of the Standard Procedural Databases counted beside what others counted.
+// raybench spd: counts the rays of the Standard Procedural Databases and compares with published counts.
 //
 // The counts do not depend on the structure that answers; what a grid and an octree cost per ray does, so
 // these are built as Havran built them and asked the very rays of the picture.
@@ -36,9 +36,9 @@ struct SpdOptions {
 };
 
 constexpr const char* kNote =
-    "Figures per ray are averaged over all rays of the picture, those that miss the grid included; a shadow "
-    "ray stops at its first hit. What is published as tests per ray of octrees agrees with tests per ray "
-    "that hits: the ratio to the fewest possible (Havran's r_ITM).";
+    "Figures per ray are averages over all rays of the picture, including those that miss the grid; a shadow "
+    "ray stops at its first hit. The published tests per ray of octrees agree with our tests per ray that "
+    "hits, the ratio to the fewest possible (Havran's r_ITM).";
 
 constexpr SpdFigure kNoFigure{kUncounted, kUncounted};
 
@@ -327,16 +327,17 @@ class Spd {
 
 void AddSpdCommand(CLI::App& app, Invocation& invocation) {
   AddCommand<SpdOptions>(
-      app, invocation, "spd", "Count the rays of the Standard Procedural Databases beside published figures",
+      app, invocation, "spd",
+      "Count the rays of the Standard Procedural Databases and compare with published counts",
       [](CLI::App& command, SpdOptions& spd) {
         command
             .add_option("scenes", spd.scenes,
-                        "Scenes or NFF files; one named as a published scene (balls, balls.nff) is compared "
-                        "with it. Default: balls, gears, mount, teapot, tetra")
+                        "Scenes or NFF files; one with the name of a published scene (balls, balls.nff) is "
+                        "compared with it. Default: balls, gears, mount, teapot, tetra")
             ->type_name("SCENE");
         command
             .add_option("--structure", spd.structure,
-                        "What answers the rays that are counted; default bvh_sah(numerics=double)")
+                        "Structure that traces the counted rays; default bvh_sah(numerics=double)")
             ->type_name("A(X=1)");
         command.add_option("--threads", spd.threads, "Threads; default all")
             ->transform(WholeNumber(1, 1024))
@@ -345,10 +346,9 @@ void AddSpdCommand(CLI::App& app, Invocation& invocation) {
         command.add_option("--csv", spd.csv, "Write all figures as CSV")->type_name("FILE");
         command.footer(
             "Rays are those of `raybench render --rules spd --pattern corners`, 513 x 513 of them. "
-            "Published: Havran and Sixta 1999 (their opaque surfaces were one-sided), octrees Havran 1999; "
-            "check: an "
-            "independent one by the rules used here. Where published grids and octrees of a scene are known, "
-            "these are built and asked the same rays.");
+            "Published: Havran and Sixta 1999 (their opaque surfaces were one-sided), octrees Havran 1999. "
+            "Check: an independent one by the rules used here. Where published grids and octrees of a scene "
+            "are known, they are built and asked the same rays.");
       },
       [](const SpdOptions& options, const Registry& registry) { return Spd(registry, options).Go(); });
 }

@@ -223,7 +223,7 @@ class ExtremesRun {
     }
     if (broken_ == 0) return 0;
     progress_.Say(
-        fmt::format("{} times a structure broke its claim inside of a suite's range (above)", broken_));
+        fmt::format("{} times a structure broke its claim inside a suite's range (above)", broken_));
     return 1;
   }
 

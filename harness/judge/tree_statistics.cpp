@@ -112,7 +112,7 @@ class Visitor {
   void CheckPlace(const rb_node& node) {
     const auto flaw = [&](const char* what) { Flaw(fmt::format("node {} of the visit {}", nodes_, what)); };
     if (nodes_ == 0) {
-      if (node.depth != 0) flaw("is the first one and has another depth than 0");
+      if (node.depth != 0) flaw("is the first, but its depth is not 0");
     } else if (node.depth == 0) {
       flaw("is a second root");
     } else if (last_is_leaf_ ? node.depth > last_depth_ : node.depth > last_depth_ + 1) {

@@ -132,7 +132,8 @@ std::optional<std::vector<Truth>> Read(const fs::path& path, const std::string& 
     }
   }
   if (listener.say)
-    listener.say(fmt::format("{}: {} and is written anew; the truth is asked for", path.string(), what));
+    listener.say(
+        fmt::format("{}: {} and is written again; the truth is computed again", path.string(), what));
   return {};
 }
 
@@ -163,7 +164,7 @@ void Tidy(const fs::path& folder) {
 void SayNotKept(const InputError& why, const TruthListener& listener) {
   static std::atomic<bool> said = false;
   if (listener.say && !said.exchange(true))
-    listener.say(fmt::format("truth is not kept for another time: {}", why.what()));
+    listener.say(fmt::format("truth is not stored for the next run: {}", why.what()));
 }
 
 /// Where truth is kept, if anywhere.

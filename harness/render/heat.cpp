@@ -96,7 +96,7 @@ int RenderHeat(const Registry& registry, const Scene& scene, const RenderHeatOpt
       reports.emplace();
     } catch (const InputError& error) {
       throw InputError(
-          fmt::format("a sheet of heat maps is drawn by Python: {}; .exr needs none", error.what()));
+          fmt::format("Python draws a sheet of heat maps: {}; an .exr needs no Python", error.what()));
     }
   }
 

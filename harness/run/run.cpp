@@ -313,7 +313,7 @@ class Run {
     std::fflush(stdout);
     if (interrupted) {
       progress_.Say(fmt::format(
-          "interrupted: {} finished cases are kept; the same command with --out {} --resume goes on",
+          "interrupted: {} finished cases are kept; the same command with --out {} --resume continues",
           cases.size(), folder));
       return 130;
     }
@@ -330,7 +330,7 @@ class Run {
       return 1;
     }
     if (context_->seen > 0 && context_->taken == 0) {
-      throw InputError(fmt::format("--benchmark_filter={}: none of the {} cases is named so; the last is {}",
+      throw InputError(fmt::format("--benchmark_filter={}: none of the {} cases matches; the last is {}",
                                    engine_.filter(), context_->seen, context_->last_name));
     }
     if (std::none_of(cases.begin(), cases.end(), is("timed"))) {

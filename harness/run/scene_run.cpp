@@ -89,8 +89,8 @@ void SceneRun::Prepare() {
   for (SourcedSet& s : sourced) sets_.push_back({std::move(s), {}, {}});
   for (const PreparedSet& s : sets_) {
     if (s.set.invalid_rays > 0)
-      Note(fmt::format("{}: {} of {} rays are invalid and taken for misses", s.set.Label(),
-                       s.set.invalid_rays, s.set.rays.size()));
+      Note(fmt::format("{}: {} of {} rays are invalid and count as misses", s.set.Label(), s.set.invalid_rays,
+                       s.set.rays.size()));
   }
   for (const Contestant& contestant : context_.contestants) entrants_.push_back(PlanEntrant(contestant));
   if (std::all_of(entrants_.begin(), entrants_.end(),

@@ -25,7 +25,7 @@ class FolderLock {
     const fs::path folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
     descriptor_ = open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (descriptor_ < 0)
-      throw InputError(fmt::format("{}: {} is no folder that can be read", file.string(), folder.string()));
+      throw InputError(fmt::format("{}: {} is not a readable folder", file.string(), folder.string()));
     while (flock(descriptor_, LOCK_EX) != 0 && errno == EINTR) {
     }
   }
@@ -159,7 +159,7 @@ Json Ledger::ReadChecked() const {
   const Json ledger = Json::parse(text.str(), nullptr, false);
   if (!ledger.is_object() || !ledger.contains("format") || ledger["format"] != kFormat ||
       !ledger.contains("campaigns") || !ledger["campaigns"].is_array())
-    throw InputError(fmt::format("{}: is no ledger of raybench (format '{}')", path_.string(), kFormat));
+    throw InputError(fmt::format("{}: is not a ledger of raybench (format '{}')", path_.string(), kFormat));
   size_t number = 0;
   for (const Json& campaign : ledger["campaigns"]) {
     if (const std::string flaw = FlawOf(campaign); !flaw.empty())

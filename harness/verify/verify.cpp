@@ -174,7 +174,7 @@ class Verification {
     if (!options_.out.empty()) WriteFiles(interrupted);
     if (options_.all) fmt::print("{}\n", SumUp());
     if (interrupted) {
-      fmt::print(stderr, "interrupted: what was judged until then stands above\n");
+      fmt::print(stderr, "interrupted: the verdicts up to then are above\n");
       return 130;
     }
     return broken_ ? 1 : inconclusive_ ? 3 : 0;
@@ -316,7 +316,7 @@ class Verification {
           uint64_t(std::max(1.0, std::ceil(tests / (options_.all ? kLinearBudgetOfAll : kLinearBudget))));
       if (entrant.stride > 1)
         entrant.result.notes.push_back(
-            fmt::format("gets one ray of {}, since it takes each to every primitive; when named by "
+            fmt::format("gets one ray of {}, since each is tested against every primitive; when named by "
                         "--structures it gets all",
                         entrant.stride));
     }
@@ -633,7 +633,7 @@ TypedRay ParseRay(const std::string& text, int scale_exponent) {
         throw InputError(
             fmt::format("{}; {} = {} is beyond float{}", kForm, kItems[i], value,
                         std::isinf(in_file) ? "" : " at the scale at which the scene is traced"));
-      rounded += fmt::format("{}{} = {:a} ({})", rounded.empty() ? "taken to the nearest float: " : ", ",
+      rounded += fmt::format("{}{} = {:a} ({})", rounded.empty() ? "rounded to the nearest float: " : ", ",
                              kItems[i], std::ldexp(double(values[i]), -exponent), in_file);
     }
   }
@@ -641,7 +641,7 @@ TypedRay ParseRay(const std::string& text, int scale_exponent) {
       {values[0], values[1], values[2]}, values[3], {values[4], values[5], values[6]}, values[7]};
   if (!IsValidRay(ray))
     throw InputError(
-        fmt::format("{}; finite but for tfar, tnear at least 0, and not all of the direction 0", kForm));
+        fmt::format("{}; all but tfar must be finite, tnear at least 0, and the direction not 0", kForm));
   return {ray, rounded};
 }
 

@@ -201,7 +201,7 @@ TEST_F(HarnessCommand, FetchSaysOnceWhatIsMissingAndWhatStillWorks) {
   EXPECT_EQ(outcome.out, "");
   for (const char* text :
        {"raybench: not fetched: sponza, dungeon: the program cargo is needed; install the package cargo\n",
-        "raybench: not fetched: fandisk: the program apt-get is needed", "works without a network",
+        "raybench: not fetched: fandisk: the program apt-get is needed", "work without a network",
         "set RAYBENCH_CACHE"}) {
     EXPECT_NE(outcome.err.find(text), std::string::npos) << outcome.err;
   }

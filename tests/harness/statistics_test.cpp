@@ -187,7 +187,7 @@ TEST(HarnessTreeStatistics, NodesAreInPreOrderAndInsideTheirParents) {
   };
   EXPECT_EQ(flaw({inner, leaf, leaf}), "");
   EXPECT_EQ(flaw({inner, at(inner, 1), at(leaf, 2), leaf}), "");
-  EXPECT_EQ(flaw({leaf}), "node 0 of the visit is the first one and has another depth than 0");
+  EXPECT_EQ(flaw({leaf}), "node 0 of the visit is the first, but its depth is not 0");
   EXPECT_EQ(flaw({inner, leaf, at(leaf, 0)}), "node 2 of the visit is a second root");
   EXPECT_EQ(flaw({inner, at(leaf, 2)}), "node 1 of the visit is deeper than a child of the one before it");
   EXPECT_EQ(flaw({inner, leaf, at(leaf, 2)}),
