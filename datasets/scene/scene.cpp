@@ -203,7 +203,7 @@ void Scene::Finish(bool drop_bad) {
     fail(fmt::format("{} vertices and {} primitives; fewer than {} of each are allowed", positions.size(),
                      primitive_count(), RAYBENCH_NONE));
 
-  // Before anything is left out or rescaled: so that whoever hands the geometry over can compute the same.
+  // Before anything is left out or rescaled: so that the geometry's program can compute the same.
   if (!has_hash_) TakeHash();
   has_hash_ = false;
 

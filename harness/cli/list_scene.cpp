@@ -29,7 +29,7 @@ Json SpreadAsJson(const Spread& s, uint64_t triangles) {
   return {{"percent_1", s.percent1}, {"median", s.median}, {"percent_99", s.percent99}};
 }
 
-/// Everything, in the order in which it is printed. What is not known or does not apply is null.
+/// All facts in the order of printing. A fact that is unknown or does not apply is null.
 Json Describe(const Scene& scene, const SceneFacts& facts, double load_seconds) {
   Json json;
   json["name"] = scene.name;

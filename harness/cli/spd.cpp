@@ -66,7 +66,7 @@ std::string Text(double value, bool per_ray) {
   return digits;
 }
 
-/// What is shown as 0 has no sign.
+/// A number that is shown as 0 has no sign.
 double NoMinusZero(double percent) { return std::abs(percent) < 0.005 ? 0 : percent; }
 
 void Print(const std::vector<Row>& rows) {

@@ -19,7 +19,7 @@
 namespace raybench::extremes {
 namespace {
 
-/// What is linear (RB_LINEAR) gets as many rays as look at this many primitives in a pass, but never fewer
+/// A linear structure (RB_LINEAR) gets as many rays as test this many primitives in a pass, but never fewer
 /// than kFewestRays.
 constexpr double kLinearBudget = 0x1p20;
 constexpr uint64_t kFewestRays = 16;

@@ -111,7 +111,7 @@ std::optional<std::vector<Truth>> Decode(std::string_view text, size_t rays) {
   return truth;
 }
 
-/// None: no such file, or one to be written anew.
+/// None if there is no such file, or it must be written again.
 std::optional<std::vector<Truth>> Read(const fs::path& path, const std::string& identity, size_t rays,
                                        const TruthListener& listener) {
   std::ifstream file(path, std::ios::binary);
@@ -137,7 +137,7 @@ std::optional<std::vector<Truth>> Read(const fs::path& path, const std::string& 
   return {};
 }
 
-/// Removes what was used longest ago until the folder is within its limit.
+/// Removes the least recently used files until the folder is within its limit.
 void Tidy(const fs::path& folder) {
   struct Entry {
     fs::file_time_type used;

@@ -19,8 +19,8 @@ namespace {
 constexpr size_t kBoxes = 1 << 16;
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
-/// Rays from a function that makes one; what comes out invalid (origin and target fell together) is
-/// tried again.
+/// Rays from a function that makes one; it is called again after an invalid ray (origin and target
+/// fell together).
 AimedSet PerRay(const char* name, uint64_t seed, std::function<rb_ray(Random&)> make) {
   Hash64 hash;
   hash.Add(std::string_view(name));

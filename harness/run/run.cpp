@@ -164,7 +164,7 @@ class Run {
     warnings_.push_back(text);
   }
 
-  /// Before anything is written: what is wrong with a file is said now.
+  /// Before anything is written, so that faults of a file are reported first.
   void ReadRayFiles() {
     if (ray_files_.empty()) return;
     std::vector<const Scene*> scenes;
@@ -178,8 +178,8 @@ class Run {
 
   // ---- what is left ----
 
-  /// Learns the prices of a scene for all that are not linear, so that what is slow on a scene to come is
-  /// known from the start.
+  /// Learns the costs on a scene of all structures that are not linear, so that slow ones are known before
+  /// later scenes.
   void Probe(size_t index) {
     const SceneRecord& record = scenes_[index];
     const Scene& scene = record.scene;

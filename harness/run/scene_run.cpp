@@ -25,8 +25,8 @@
 namespace raybench {
 namespace {
 
-/// What is linear (RB_LINEAR) is left out where one pass would look at more primitives than this, about half
-/// a second; in a quick run a quarter of it.
+/// A linear structure (RB_LINEAR) is left out where one pass would test more primitives than this, about half
+/// a second; in a quick run a quarter of that.
 constexpr double kLinearBudget = 0x1p25;
 
 /// Triangles whose overlap with strange nodes is measured, and lines that meet bounds; also of a quick run.
@@ -229,7 +229,7 @@ void SceneRun::Enter(Entrant& entrant) {
   const bool anchors = anchor_ == nullptr && !entrant.Is("null");
   const bool nothing_to_do = std::all_of(entrant.cases.begin(), entrant.cases.end(),
                                          [&](const PlannedCase& c) { return !c.skip.empty() || Done(c); });
-  // On a resumed run, who has its times already can still be the anchor of the others.
+  // In a resumed run, a structure that is already timed can still be the anchor of the others.
   const bool was_timed = std::any_of(entrant.cases.begin(), entrant.cases.end(), [&](const PlannedCase& c) {
     return !c.key.IsBuild() && context_.results.IsTimed(c.key.Id());
   });

@@ -12,8 +12,8 @@
 
 namespace raybench {
 
-/// The work on all scenes, planned piece by piece in seconds as guessed, and the piece that is under way. Who
-/// does a piece is a structure's short form, or empty.
+/// The work on all scenes, planned piece by piece in guessed seconds, and the piece that is under way. `who`
+/// does a piece: a structure's short form, or empty for the run itself.
 class Schedule {
  public:
   explicit Schedule(Progress& progress) : progress_(progress) {}

@@ -300,7 +300,7 @@ class CgalOracle final : public JudgingOracle {
     Truth truth;
     std::vector<Crossing> crossings = Crossings(ray, truth.coplanar);
     if (crossings.empty()) return truth;
-    // What may round to the float of the nearest stays.
+    // Keeps all that may round to the same float as the nearest.
     float latest = std::numeric_limits<float>::infinity();
     for (const Crossing& c : crossings) latest = std::min(latest, AnswerableT(float(c.t + c.error), ray));
     std::erase_if(crossings, [&](const Crossing& c) { return float(c.t - c.error) > latest; });

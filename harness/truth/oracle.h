@@ -137,7 +137,7 @@ VerdictCounts JudgeAll(const Oracle& oracle, uint32_t query_kind, std::span<cons
                        std::vector<Judged>* judged = nullptr, bool has_uv = true);
 
 /// Where the ray ends: at tfar, or where t is no float any more. By the contract a hit with no finite t is
-/// none: whoever says what is true keeps to this, oracles and audit.
+/// none. Oracles and audit all keep to this.
 inline float LastT(const rb_ray& ray) { return std::min(ray.tfar, std::numeric_limits<float>::max()); }
 
 /// |answer - truth| in ulp of float at the truth.

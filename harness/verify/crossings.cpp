@@ -156,7 +156,7 @@ class Count {
     step_ = LatticeStep(scene_);
   }
 
-  /// What was counted when interrupted is kept.
+  /// The counts so far are kept when interrupted.
   void Run(const std::vector<Contestant>& contestants) {
     share_ = 1 / double(contestants.size() + 1);
     MakePoints();

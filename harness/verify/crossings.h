@@ -42,10 +42,10 @@ rb_ray CountingRay(const CrossingPoint& point, double step, bool tilted, double&
 bool CrossesBehind(const exact::Line& line, const exact::Corners& p, double t);
 
 /// Counts `options.crossings` points with each structure (default: EveryArithmetic() without linear ones)
-/// in each scene, by the rule and by what else is usual, and prints a table a scene. Returns the exit code:
+/// in each scene, by the rule and by the usual ways, and prints a table per scene. Returns the exit code:
 /// 0; 1 if a structure that claims to be watertight or exact is wrong by the rule; 3 if a structure could
-/// not be built; interrupted, what was counted is printed and written. Throws InputError for a mesh that is
-/// not closed.
+/// not be built; if interrupted, counts so far are printed and written. Throws InputError for a mesh
+/// that is not closed.
 int RunCrossings(const Registry& registry, const VerifyOptions& options);
 
 }  // namespace raybench

@@ -306,7 +306,7 @@ class Verification {
     return sources;
   }
 
-  /// What is linear and not named gets a part of the rays.
+  /// A linear structure that was not named gets a part of the rays.
   void ThinLinear() {
     if (!options_.structures.empty() && options_.structures != std::vector<std::string>{"all"}) return;
     const double tests = double(options_.RaysPerSet()) * double(scene().primitive_count());
@@ -554,7 +554,7 @@ std::array<const char*, 8> ReadNumbers(const std::string& text) {
 }  // namespace
 
 int ReplayOneRay(const Registry& registry, const VerifyOptions& options, const std::string& text) {
-  ReadNumbers(text);  // what is none is said at once
+  ReadNumbers(text);  // refuses bad text at once
   const std::vector<Contestant> contestants = EveryArithmetic(registry, options.structures);
   LoadOptions load;
   load.seed = options.seed;
