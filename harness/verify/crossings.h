@@ -37,8 +37,8 @@ inline constexpr uint64_t kCrossingBatch = 1 << 12;
 /// The ray along the point's line from before the scene, at -2^52 steps of the lattice; tilted by an amount
 /// that is smaller than anything on the lattice, or straight. `t` becomes the point's.
 rb_ray CountingRay(const CrossingPoint& point, double step, bool tilted, double& t);
-/// Whether the line crosses the triangle behind t, if it is moved by (e, e^2, e^3), e > 0 smaller than anything
-/// else. It must not meet the triangle at t.
+/// Whether the line crosses the triangle behind t, if it is moved by (e, e^2, e^3) with e > 0 smaller than
+/// anything else. It must not meet the triangle at t.
 bool CrossesBehind(const exact::Line& line, const exact::Corners& p, double t);
 
 /// Counts `options.crossings` points with each structure (default: EveryArithmetic() without linear ones)

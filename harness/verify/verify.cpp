@@ -41,8 +41,8 @@ namespace {
 constexpr uint64_t kChunk = 1 << 15;
 /// Any-hit queries are asked of every fourth ray.
 constexpr uint64_t kAnyStride = 4;
-/// Primitives that a linear structure (RB_LINEAR) which nobody named looks at for a set: a second or two where
-/// arithmetic is exact, and an eighth of that where every scene there is comes.
+/// Primitives that a linear structure (RB_LINEAR) tests per set unless it was named: a second or two in exact
+/// arithmetic, and an eighth of that with --all.
 constexpr double kLinearBudget = 0x1p25, kLinearBudgetOfAll = 0x1p22;
 
 /// Part of a ray set with its truth.
