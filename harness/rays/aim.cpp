@@ -292,7 +292,7 @@ struct Family {
 constexpr Family kFamilies[] = {
     {"random", Needs::kNothing, [](const Aim& aim, Random& r) { return RandomRay(aim.bounds(), r); },
      "isotropic lines through the bounding sphere"},
-    {"camera", Needs::kNothing, nullptr, "one a pixel of a square picture"},
+    {"camera", Needs::kNothing, nullptr, "one per pixel of a square picture"},
     {"aimed_vertex", Needs::kTriangles,
      [](const Aim& aim, Random& r) {
        const Vec3f org = aim.Origin(r);
@@ -311,7 +311,7 @@ constexpr Family kFamilies[] = {
      "one or two components +0 or -0, at vertices and edges and in faces of the scene's bounds"},
     {"grazing", Needs::kTriangles, &GrazingRay, "in a triangle's plane but for a few ulp"},
     {"planes", Needs::kBoxesOfATree, nullptr,
-     "at faces, edges and corners of boxes of the very tree, across and within them"},
+     "at faces, edges and corners of boxes of the tested tree, across and within them"},
     {"far", Needs::kNothing, &FarRay, "from 1e3 to 1e6 scene sizes away, at vertices and edges"}};
 
 }  // namespace
