@@ -362,7 +362,8 @@ void AddListCommand(CLI::App& app, Invocation& invocation) {
   list.callback([&list] {
     if (list.get_subcommands().empty())
       throw InputError(
-          "raybench list: add structures, generators, models, scenes, structure NAME or scene NAME");
+          "raybench list: add 'structures', 'generators', 'models', 'scenes', "
+          "'structure NAME' or 'scene NAME'");
   });
   const auto all = [&](const char* name, const char* doc, auto act) {
     AddCommand<ListOptions>(list, invocation, name, doc, AddListOptions, act);

@@ -76,7 +76,7 @@ TEST_F(HarnessCommand, WrongInputIsOneLineAndExitCode2) {
            {{"render", ball, "-o", (folder_ / "no/such/folder.png").string(), "--size", "8x8"}, "folder.png"},
            {{"render", "sphereflake(depth=1,tessellation=0)", "--structure", "nosuch", "-o", out + ".png"},
             "nosuch"},
-           {{"list"}, "'structure NAME', 'scene NAME'"},
+           {{"list"}, "'structure NAME' or 'scene NAME'"},
            {{"list", "scene"}, "scene"},
            {{"list", "scene", "subdivide(bunnny)"}, "bunnny"},
            {{"list", "colours"}, "colours"},
