@@ -464,7 +464,7 @@ TEST_F(HarnessVerify, WrongInputIsOneLineAndNothingIsWritten) {
            {{kBall, "--closed", "1K", "--sets", "random"}, "--sets"},
            {{kBall, "--closed", "1K", "--rays", "64"}, "--rays"},
            {{kBall, "--closed", "1K", "--out", out}, "--out"},
-           {{kBall, "--closed", "1K", "--ledger", In("no/l.json")}, "is no folder"},
+           {{kBall, "--closed", "1K", "--ledger", In("no/l.json")}, "is not a readable folder"},
            {{In("open.off"), "--closed", "1K", "--ledger", In("l.json")},
             "is not closed: 3 of 6 edges have an odd number of triangles; one of them runs from (1, 0, 0) to "
             "(0, 1, 0) and has 1, of which triangle 0 is the first"},
