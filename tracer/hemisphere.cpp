@@ -25,7 +25,8 @@ void FillHemispheres(RaySet& set, const Scene& scene, const Tree& tree, const Ra
   for (size_t i = 0; i < hits.size(); ++i)
     if (hits[i].prim < scene.primitive_count()) hit_rays.push_back(i);
 
-  set.depth = 1, set.order = "traced";
+  set.depth = 1;
+  set.order = "traced";
   set.rays.resize(hit_rays.empty() ? 0 : count);
   const uint64_t points = (set.rays.size() + per_point - 1) / per_point;
   ParallelFor(uint64_t{0}, points, [&](uint64_t point) {
@@ -56,7 +57,8 @@ void FillHemispheres(RaySet& set, const Scene& scene, const Tree& tree, const Ra
 RaySet DiffuseBounce(const Scene& scene, const Tree& tree, const RaySet& camera, uint64_t count,
                      uint64_t seed) {
   RaySet set;
-  set.kind = "diffuse", set.query = RB_CLOSEST;
+  set.kind = "diffuse";
+  set.query = RB_CLOSEST;
   FillHemispheres(set, scene, tree, camera, count, 1, std::numeric_limits<float>::infinity(), seed);
   return set;
 }
@@ -64,7 +66,8 @@ RaySet DiffuseBounce(const Scene& scene, const Tree& tree, const RaySet& camera,
 RaySet AmbientOcclusion(const Scene& scene, const Tree& tree, const RaySet& camera, uint64_t count,
                         uint64_t seed) {
   RaySet set;
-  set.kind = "ambient_occlusion", set.query = RB_ANY;
+  set.kind = "ambient_occlusion";
+  set.query = RB_ANY;
   const double diagonal = Length(ToDouble(scene.bounds().hi) - ToDouble(scene.bounds().lo));
   FillHemispheres(set, scene, tree, camera, count, kOcclusionRaysPerPoint, float(kOcclusionReach * diagonal),
                   seed);

@@ -19,8 +19,8 @@ struct Channel {
   std::vector<float> values;
 };
 
-/// WriteImage() to an .exr file that holds more `channels` of the picture's size after R, G and B. Throws
-/// InputError.
+/// WriteImage() to an .exr file that holds more `channels` of the picture's size after R, G and B.
+/// Throws InputError.
 void WriteLayers(const Image& image, const std::vector<Channel>& channels, const std::string& path,
                  const std::string& software);
 

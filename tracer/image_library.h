@@ -1,6 +1,6 @@
 // OpenImageIO's part of raybench, a library of its own that is loaded when the first picture is read or
-// written: OpenImageIO brings some 250 libraries along, and to link them takes 0.4 s that every start would
-// pay.
+// written: OpenImageIO brings some 250 libraries along, and to link them takes 0.4 s that every start
+// would pay.
 #pragma once
 
 #include <cstdint>

@@ -60,7 +60,9 @@ void Write(const Image& image, const std::vector<Channel>& layers, const std::st
       float* to = row.data();
       for (size_t p = size_t{y} * image.width, end = p + image.width; p < end; ++p) {
         const Vec3f& rgb = image.pixels[p];
-        *to++ = rgb.x, *to++ = rgb.y, *to++ = rgb.z;
+        *to++ = rgb.x;
+        *to++ = rgb.y;
+        *to++ = rgb.z;
         for (const Channel& layer : layers) *to++ = layer.values[p];
       }
       good = output->write_scanline(int(y), 0, OIIO::TypeDesc::FLOAT, row.data());
@@ -110,7 +112,9 @@ std::vector<T> ToRgba(const std::vector<T>& from, size_t channels, T one) {
     const T* const p = &from[i * channels];
     T* const q = &to[4 * i];
     const bool gray = channels < 3;
-    q[0] = p[0], q[1] = gray ? p[0] : p[1], q[2] = gray ? p[0] : p[2];
+    q[0] = p[0];
+    q[1] = gray ? p[0] : p[1];
+    q[2] = gray ? p[0] : p[2];
     q[3] = channels == 2 ? p[1] : channels >= 4 ? p[3] : one;
   }
   return to;
@@ -130,7 +134,8 @@ DecodedTexture Decode(const Texture& texture) {
   if (spec.width < 1 || spec.height < 1 || spec.depth > 1 || spec.nchannels < 1)
     fail("it is no flat picture of at least one pixel");
   DecodedTexture pixels;
-  pixels.width = uint32_t(spec.width), pixels.height = uint32_t(spec.height);
+  pixels.width = uint32_t(spec.width);
+  pixels.height = uint32_t(spec.height);
   const auto channels = size_t(spec.nchannels), count = size_t{pixels.width} * pixels.height;
   const bool bytes = spec.format == OIIO::TypeDesc::UINT8;
   RequireMemory("texture " + texture.source, count * (channels + 4) * (bytes ? 1 : sizeof(float)));

@@ -40,7 +40,7 @@ void CheckSampling(const Sampling& sampling) {
     throw InputError("sampling grid = " + std::to_string(sampling.grid) + ": must lie in [1, 64]");
   if (sampling.grid > 1 && !HasGrid(sampling))
     throw InputError("sampling grid = " + std::to_string(sampling.grid) +
-                     ": the patterns center and corners have one sample a pixel, so 1 alone is allowed");
+                     ": the patterns center and corners have one sample a pixel, so only 1 is allowed");
   if (!(sampling.adaptive_contrast >= 0) || !std::isfinite(sampling.adaptive_contrast))
     throw InputError("adaptive contrast = " + std::to_string(sampling.adaptive_contrast) +
                      ": must be finite and at least 0");

@@ -33,7 +33,8 @@ Shader::Look Shader::LookOf(const Material& material, const rb_hit& hit) const {
   const Vec2f uv = UvAt(scene_, hit);
   if (material.base_color_texture >= 0) {
     const Vec3f color = textures_.At(material.base_color_texture, uv).color;
-    look.diffuse = look.diffuse * color, look.reflect = look.reflect * color;
+    look.diffuse = look.diffuse * color;
+    look.reflect = look.reflect * color;
     look.transmit = look.transmit * color;
   }
   if (material.emission_texture >= 0)

@@ -18,7 +18,10 @@ struct Batch {
   std::vector<rb_ray> rays;
   std::vector<uint32_t> skip;  ///< one per ray with SelfIntersection::kSkip, else empty
 
-  void Clear() { rays.clear(), skip.clear(); }
+  void Clear() {
+    rays.clear();
+    skip.clear();
+  }
 };
 
 /// The batch a path's ray stands in. At depth 0 camera rays take the place of reflected ones.
@@ -56,7 +59,13 @@ struct ShadeOutput {
   uint64_t blocked;
   std::array<uint64_t, kRayKinds> hits;
 
-  void Clear() { next.Clear(), shadow.Clear(), lit.clear(), blocked = 0, hits = {}; }
+  void Clear() {
+    next.Clear();
+    shadow.Clear();
+    lit.clear();
+    blocked = 0;
+    hits = {};
+  }
 };
 
 class Shader {

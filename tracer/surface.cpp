@@ -1,8 +1,8 @@
 // Error-bound offset of ray origins (the idea: Pharr, Jakob, Humphreys, Physically Based Rendering, section
 // "Managing Rounding Error"; the bounds here are our own). u = 2^-24 is the unit roundoff of float.
 //
-// A ray that starts at a hit must not hit the same primitive again, at any scale and any place. These errors
-// count:
+// A ray that starts at a hit must not hit the same primitive again, at any scale and any place. These
+// errors count:
 //
 // 1. Rounding the origin to float moves component i by at most u |q_i|, so its distance from the tangent
 //    plane changes by at most u sum |n_i q_i|. The point itself is an affine combination of the vertices in
@@ -27,8 +27,8 @@
 // 3. On a curved surface the origin also moves along the tangent plane, by at most delta = u |q|, and there
 //    the surface bends away by delta^2 / 2r, never by more than delta.
 //
-// The origin is moved by the sum of these, so that after rounding it is at least the second away from the
-// surface.
+// The origin is moved by the sum of these, so that after rounding it is at least the second away from
+// the surface.
 #include "tracer/surface.h"
 
 namespace raybench {
@@ -169,7 +169,9 @@ Vec3d ShadingNormal(const Scene& scene, const rb_hit& hit, const SurfacePoint& s
   if (hit.prim < scene.triangles.size()) {
     const auto& corners = scene.triangles[hit.prim];
     const double u = hit.u, v = hit.v;
-    add(corners[0], 1 - u - v), add(corners[1], u), add(corners[2], v);
+    add(corners[0], 1 - u - v);
+    add(corners[1], u);
+    add(corners[2], v);
   } else if (const auto [kind, i] = scene.Locate(hit.prim); kind == PrimKind::kPolygon) {
     MeanValueWeights(scene, scene.CornersOf(scene.polygons[i]), surface, add);
   }

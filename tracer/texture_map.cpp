@@ -55,7 +55,8 @@ struct Neighbours {
       if (wrap == TextureWrap::kRepeat) return uint32_t((i + n) % n);
       return uint32_t(std::clamp(i, int64_t{0}, n - 1));  // mirrored: the border texel is its own neighbour
     };
-    first = inside(int64_t(low)), second = inside(int64_t(low) + 1);
+    first = inside(int64_t(low));
+    second = inside(int64_t(low) + 1);
   }
 };
 
@@ -105,7 +106,8 @@ TextureMaps::TextureMaps(const Scene& scene, const std::vector<uint32_t>& materi
       if (t >= 0 && !maps_[size_t(t)]) maps_[size_t(t)] = make(scene.textures[size_t(t)]);
   if (scene.environment >= 0) {
     Texture map = scene.textures[size_t(scene.environment)];
-    map.wrap_u = TextureWrap::kRepeat, map.wrap_v = TextureWrap::kClampToEdge;
+    map.wrap_u = TextureWrap::kRepeat;
+    map.wrap_v = TextureWrap::kClampToEdge;
     environment_ = make(map);
   }
 }

@@ -118,18 +118,22 @@ class Walk {
 
   void Resume(const Batch& batch, std::vector<rb_hit>& hits) {
     const size_t n = active_.size();
-    rest_.rays.resize(n), after_.resize(n), rest_.skip.resize(batch.skip.empty() ? 0 : n);
+    rest_.rays.resize(n);
+    after_.resize(n);
+    rest_.skip.resize(batch.skip.empty() ? 0 : n);
     workers_.ForChunks(n, [&](size_t, size_t begin, size_t end) {
       for (size_t k = begin; k < end; ++k) {
         const uint32_t i = active_[k];
         rest_.rays[k] = batch.rays[i];
-        rest_.rays[k].tnear = hits[i].t, after_[k] = hits[i].prim;
+        rest_.rays[k].tnear = hits[i].t;
+        after_[k] = hits[i].prim;
         if (!batch.skip.empty()) rest_.skip[k] = batch.skip[i];
       }
     });
     found_.resize(n);
     rb_query query = MakeQuery(RB_CLOSEST, rest_);
-    query.after = after_.data(), query.hits = found_.data();
+    query.after = after_.data();
+    query.hits = found_.data();
     QueryChunks(workers_, tree_, query);
     workers_.ForChunks(n, [&](size_t, size_t begin, size_t end) {
       for (size_t k = begin; k < end; ++k) {
@@ -292,12 +296,18 @@ class Wavefront {
 
   void AddSetsOf(uint32_t depth) {
     if (depth == 0) AddSet("camera", depth, RB_CLOSEST);
-    if (depth > 0) AddSet("reflection", depth, RB_CLOSEST), AddSet("refraction", depth, RB_CLOSEST);
+    if (depth > 0) {
+      AddSet("reflection", depth, RB_CLOSEST);
+      AddSet("refraction", depth, RB_CLOSEST);
+    }
     AddSet("shadow", depth, RB_ANY);
   }
   void AddSet(const char* kind, uint32_t depth, uint32_t query) {
     RaySet& set = result_.ray_sets.emplace_back();
-    set.kind = kind, set.depth = depth, set.order = "traced", set.query = query;
+    set.kind = kind;
+    set.depth = depth;
+    set.order = "traced";
+    set.query = query;
   }
   /// Index of a set in the order AddSetsOf() makes them: camera, shadow.0, reflection.1, refraction.1,
   /// shadow.1, ...

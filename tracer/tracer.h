@@ -30,8 +30,7 @@ enum class SelfIntersection : uint8_t {
   kFixedTnear,     ///< tnear = `self_intersection_size`
   kNormalOffset,   ///< origin moved along the normal by `self_intersection_size`
   kIntegerOffset,  ///< Waechter and Binder 2019: origin moved by units in the last place
-  kSkip,           ///< the primitive that the ray starts on is skipped (rb_query::skip); flat ones only, the
-                   ///< others as kErrorBound
+  kSkip,  ///< a flat primitive that the ray starts on is skipped (rb_query::skip); others: kErrorBound
 };
 
 /// Which rays a picture needs.

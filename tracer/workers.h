@@ -38,8 +38,8 @@ class Workers {
   Arena arena_;
 };
 
-/// Fills `all` with the parts, in order. `part(i)` is the i-th vector, `copy(i, from, to)` copies with
-/// fix-ups.
+/// Fills `all` with the parts, in order. `part(i)` is the i-th vector, `copy(i, from, to)` copies
+/// with fix-ups.
 template <class T, class Part, class Copy>
 void Concatenate(Workers& workers, size_t count, std::vector<T>& all, const Part& part, const Copy& copy) {
   std::vector<size_t> begin(count + 1, 0);

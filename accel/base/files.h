@@ -15,12 +15,12 @@ inline void WriteFileAtomically(const std::filesystem::path& path, const std::st
   WriteFileAtomically(path, {std::string_view(text)});
 }
 
-/// A folder for one process alone, by flock() on its file .lock: what a killed process leaves holds nobody
-/// up.
+/// A folder for one process alone, by flock() on its file .lock: what a killed process leaves holds
+/// nobody up.
 class OneProcessLock {
  public:
-  /// The folder must be there. Throws InputError if another process holds it, or nothing can be written
-  /// there.
+  /// The folder must be there. Throws InputError if another process holds it, or nothing can be
+  /// written there.
   explicit OneProcessLock(const std::filesystem::path& folder);
   OneProcessLock(const OneProcessLock&) = delete;
   ~OneProcessLock();

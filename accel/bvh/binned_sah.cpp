@@ -66,15 +66,16 @@ class Builder {
       const int32_t lanes = -int32_t(is_left);
       const Int4 mask{lanes, lanes, lanes, lanes};
       const Box4 none = Box4::Empty();
-      left_.lo = MinOrSecond(mask ? c : none.lo, left_.lo),
+      left_.lo = MinOrSecond(mask ? c : none.lo, left_.lo);
       left_.hi = MaxOrSecond(mask ? c : none.hi, left_.hi);
-      right_.lo = MinOrSecond(mask ? none.lo : c, right_.lo),
+      right_.lo = MinOrSecond(mask ? none.lo : c, right_.lo);
       right_.hi = MaxOrSecond(mask ? none.hi : c, right_.hi);
       return is_left;
     }
     bool IsLeft(const Record& r) const { return int32_t((r.Centroid2()[axis_] - origin_) * scale_) < bin_; }
     void Into(RecordRange& left, RecordRange& right) const {
-      left.centroids.Extend(left_), right.centroids.Extend(right_);
+      left.centroids.Extend(left_);
+      right.centroids.Extend(right_);
     }
 
    private:
@@ -94,7 +95,8 @@ class Builder {
       l += sides.Add(r);
     }
     left.end = right.begin = l;
-    left.box = split.left, right.box = split.right;
+    left.box = split.left;
+    right.box = split.right;
     sides.Into(left, right);
   }
 
@@ -109,7 +111,8 @@ class Builder {
       Sides own = empty;
       size_t lefts = 0;
       for (size_t i = begin; i < end; ++i) lefts += own.Add(records_[i]);
-      sides[block] = own, starts[block] = lefts;
+      sides[block] = own;
+      starts[block] = lefts;
     });
     size_t lefts = 0;
     for (size_t block = 0; block < sides.size(); ++block) {
@@ -117,14 +120,16 @@ class Builder {
       sides[block].Into(left, right);
     }
     left.end = right.begin = range.begin + lefts;
-    left.box = split.left, right.box = split.right;
+    left.box = split.left;
+    right.box = split.right;
     ForBlocks(range.begin, range.end, [&](size_t begin, size_t end) {
       size_t l = range.begin + starts[(begin - range.begin) / kParallelBlock];
       size_t r = right.begin + (begin - l);
       for (size_t i = begin; i < end; ++i) {
         const bool is_left = empty.IsLeft(records_[i]);
         scratch_[is_left ? l : r] = records_[i];
-        l += is_left, r += !is_left;
+        l += is_left;
+        r += !is_left;
       }
     });
     ForBlocks(range.begin, range.end, [&](size_t begin, size_t end) {

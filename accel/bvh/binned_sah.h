@@ -1,8 +1,8 @@
 // Binned SAH builder for binary BVHs.
 //
-// Wald (2007), "On fast construction of SAH-based bounding volume hierarchies": primitives are sorted into
-// bins by their centroid, on all three axes; of the planes between bins the one of least expected cost is
-// taken:
+// Wald (2007), "On fast construction of SAH-based bounding volume hierarchies": primitives are sorted
+// into bins by their centroid, on all three axes; of the planes between bins the one of least expected
+// cost is taken:
 //   cost = traversal + (area_l blocks_l + area_r blocks_r) / area,  in units of the test of one block of
 //   primitives (SahCosts).
 // Large ranges are binned and partitioned in parallel, subtrees run as tasks. Counting, minimum and maximum

@@ -1,5 +1,5 @@
-// Splitting ranges of primitives at the planes between bins of their centroids (Wald 2007); shared by
-// builders.
+// Splitting ranges of primitives at the planes between bins of their centroids (Wald 2007); shared
+// by builders.
 #pragma once
 
 #include "accel/base/parallel.h"

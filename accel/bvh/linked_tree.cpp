@@ -20,13 +20,16 @@ LinkedTree Link(BinaryTree&& tree) {
     const BuildNode& from = tree.nodes[p.slot];
     const uint32_t id = linked.size++;
     LinkedNode& node = linked.nodes[id];
-    std::memcpy(node.lo, from.lo, sizeof node.lo), std::memcpy(node.hi, from.hi, sizeof node.hi);
+    std::memcpy(node.lo, from.lo, sizeof node.lo);
+    std::memcpy(node.hi, from.hi, sizeof node.hi);
     if (p.parent != kNone) linked.nodes[p.parent].right = id;
     if (from.count > 0) {
-      node.left = from.first, node.right = LinkedNode::kLeaf;
+      node.left = from.first;
+      node.right = LinkedNode::kLeaf;
       linked.counts[id] = from.count;
     } else {
-      node.left = id + 1, node.right = 0;
+      node.left = id + 1;
+      node.right = 0;
       stack.push_back({from.right, id});
       stack.push_back({p.slot + 1, kNone});
     }
@@ -35,7 +38,8 @@ LinkedTree Link(BinaryTree&& tree) {
     const LinkedNode& node = linked.nodes[id];
     if (!node.is_leaf()) linked.counts[id] = linked.counts[node.left] + linked.counts[node.right];
   }
-  linked.order = std::move(tree.order), linked.clipped = tree.clipped;
+  linked.order = std::move(tree.order);
+  linked.clipped = tree.clipped;
   return linked;
 }
 
@@ -91,7 +95,8 @@ class Flattener {
       if (node.is_leaf()) {
         leaves.push_back(id);
       } else {
-        stack.push_back(node.right), stack.push_back(node.left);
+        stack.push_back(node.right);
+        stack.push_back(node.left);
       }
     }
     return leaves;

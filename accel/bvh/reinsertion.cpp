@@ -137,7 +137,7 @@ class Optimizer {
     parents_[by] = parent;
   }
 
-  /// Boxes and counts from the leaves up: whoever comes second to a node goes on.
+  /// Boxes and counts from the leaves up: the second thread that arrives at a node goes on.
   void Refit() {
     std::memset(arrived_.data(), 0, arrived_.bytes());
     ForBlocks(0, tree_.size, [&](size_t begin, size_t end) {

@@ -15,8 +15,8 @@
 
 namespace raybench {
 
-/// Runs inside the caller's task arena; ends early when a pass moves nothing. Throws std::runtime_error when
-/// cancelled.
+/// Runs inside the caller's task arena; ends early when a pass moves nothing. Throws std::runtime_error
+/// when cancelled.
 BinaryTree Reinsert(BinaryTree&& tree, uint32_t passes, const SahCosts& costs, const volatile int* cancel);
 
 /// Bytes that it takes at its peak, tree and result included, at most.

@@ -1,5 +1,5 @@
-// Counting is a template policy: the timing instantiation of a traversal uses NoCounting, whose functions are
-// empty.
+// Counting is a template policy: the timing instantiation of a traversal uses NoCounting, whose functions
+// are empty.
 #pragma once
 
 #include <cstdint>

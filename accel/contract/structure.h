@@ -48,8 +48,8 @@ inline Vec3f Vertex(const rb_geometry& g, uint32_t prim, int corner) {
 
 inline uint64_t PrimCount(const rb_geometry& g) { return g.triangle_count + g.procedural_count; }
 
-/// Bounds of any primitive. Adding +0 turns -0 into +0, so that min and max do not depend on the order of
-/// operands.
+/// Bounds of any primitive. Adding +0 turns -0 into +0, so that min and max do not depend on the order
+/// of operands.
 inline Bounds3 PrimBounds(const rb_geometry& g, uint32_t prim) {
   Bounds3 b;
   if (prim < g.triangle_count) {

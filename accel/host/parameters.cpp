@@ -124,7 +124,10 @@ std::string DidYouMean(std::string_view typed, std::span<const std::string_view>
   size_t fewest = std::max<size_t>(1, typed.size() / 3) + 1;
   for (std::string_view name : known) {
     const size_t slips = Slips(typed, name);
-    if (slips < fewest && slips < name.size()) fewest = slips, best = name;
+    if (slips < fewest && slips < name.size()) {
+      fewest = slips;
+      best = name;
+    }
   }
   return best.empty() ? std::string() : fmt::format(" (did you mean {}?)", best);
 }

@@ -54,11 +54,17 @@ struct MinMaxBins {
   uint32_t starts[3][kMaxKdBins], ends[3][kMaxKdBins];
 
   explicit MinMaxBins(uint32_t bins) {
-    for (int a = 0; a < 3; ++a) std::fill_n(starts[a], bins, 0), std::fill_n(ends[a], bins, 0);
+    for (int a = 0; a < 3; ++a) {
+      std::fill_n(starts[a], bins, 0);
+      std::fill_n(ends[a], bins, 0);
+    }
   }
   void Merge(const MinMaxBins& o, uint32_t bins) {
     for (int a = 0; a < 3; ++a) {
-      for (uint32_t b = 0; b < bins; ++b) starts[a][b] += o.starts[a][b], ends[a][b] += o.ends[a][b];
+      for (uint32_t b = 0; b < bins; ++b) {
+        starts[a][b] += o.starts[a][b];
+        ends[a][b] += o.ends[a][b];
+      }
     }
   }
 };
@@ -196,7 +202,8 @@ class Builder {
   template <class At>
   bool Median(const Cell& cell, KdPlane& plane, At&& at) {
     for (int axis : AxisOrder(options_.axis, cell)) {
-      plane.axis = axis, plane.pos = at(axis);
+      plane.axis = axis;
+      plane.pos = at(axis);
       if (!(cell.box.lo[axis] < plane.pos && plane.pos < cell.box.hi[axis])) continue;
       if (!std::all_of(cell.refs.begin(), cell.refs.end(),
                        [&](const KdRef& r) { return plane.GoesLeft(r) && plane.GoesRight(r); })) {
@@ -220,7 +227,8 @@ class Builder {
     KdPlane planes[3];
     ForAxes(cell.size(), [&](int axis) { planes[axis] = best(axis); });
     plane = planes[0];
-    plane.Take(planes[1]), plane.Take(planes[2]);
+    plane.Take(planes[1]);
+    plane.Take(planes[2]);
     return plane.cost < leaf;
   }
 
@@ -252,7 +260,8 @@ class Builder {
     Float4 origin{}, scale{};
     for (int a = 0; a < 3; ++a) {
       const float s = float(bins) / (all.hi[a] - all.lo[a]);
-      origin[a] = all.lo[a], scale[a] = s <= std::numeric_limits<float>::max() ? s : 0;
+      origin[a] = all.lo[a];
+      scale[a] = s <= std::numeric_limits<float>::max() ? s : 0;
     }
     const int32_t last = int32_t(bins) - 1;
     auto add = [&](const auto& range, MinMaxBins sum) {
@@ -260,8 +269,10 @@ class Builder {
         const Bounds3& box = cell.refs[i].box;
         const Int4 lo = __builtin_convertvector((Load<Float4>(&box.lo.x) - origin) * scale, Int4);
         const Int4 hi = __builtin_convertvector((Load<Float4>(&box.hi.x) - origin) * scale, Int4);
-        for (int a = 0; a < 3; ++a)
-          ++sum.starts[a][std::min(lo[a], last)], ++sum.ends[a][std::min(hi[a], last)];
+        for (int a = 0; a < 3; ++a) {
+          ++sum.starts[a][std::min(lo[a], last)];
+          ++sum.ends[a][std::min(hi[a], last)];
+        }
       }
       return sum;
     };
@@ -283,7 +294,10 @@ class Builder {
     for (uint32_t plane = 0; plane <= bins; ++plane) {
       const float pos = plane == bins ? hi : lo + (hi - lo) * (float(plane) / float(bins));
       if (cost.Splits(pos)) best.Take(cost(pos, left, right, plane > 0));
-      if (plane < bins) left += binned.counts.starts[axis][plane], right -= binned.counts.ends[axis][plane];
+      if (plane < bins) {
+        left += binned.counts.starts[axis][plane];
+        right -= binned.counts.ends[axis][plane];
+      }
     }
     return best;
   }
@@ -291,14 +305,18 @@ class Builder {
   /// False if that would make more duplicates than the cell may.
   bool Split(const Cell& cell, const KdPlane& plane, LifoMemory& memory, Cell& left, Cell& right) {
     uint32_t lefts = 0, rights = 0;
-    for (const KdRef& ref : cell.refs) lefts += plane.GoesLeft(ref), rights += plane.GoesRight(ref);
+    for (const KdRef& ref : cell.refs) {
+      lefts += plane.GoesLeft(ref);
+      rights += plane.GoesRight(ref);
+    }
     const uint32_t cut = lefts + rights - cell.size();
     if (cut > cell.spare) return false;
 
     left.depth = right.depth = cell.depth + 1;
     left.box = right.box = cell.box;
     left.box.hi[plane.axis] = right.box.lo[plane.axis] = plane.pos;
-    left.refs = memory.Take<KdRef>(lefts), right.refs = memory.Take<KdRef>(rights);
+    left.refs = memory.Take<KdRef>(lefts);
+    right.refs = memory.Take<KdRef>(rights);
     if (cell.HasEvents()) {
       for (int axis = 0; axis < 3; ++axis) {
         left.events[axis] = memory.Take<KdEvent>(2 * size_t(lefts) + 1);
@@ -322,17 +340,25 @@ class Builder {
       } else {
         const KdParts parts =
             SplitRef(geometry_, ref, plane.axis, left.box, right.box, options_.clip, options_.padded);
-        if (!parts.left.Empty()) fresh_left[fresh_l++] = l, left.refs[l++] = {parts.left, ref.prim};
-        if (!parts.right.Empty()) fresh_right[fresh_r++] = r, right.refs[r++] = {parts.right, ref.prim};
+        if (!parts.left.Empty()) {
+          fresh_left[fresh_l++] = l;
+          left.refs[l++] = {parts.left, ref.prim};
+        }
+        if (!parts.right.Empty()) {
+          fresh_right[fresh_r++] = r;
+          right.refs[r++] = {parts.right, ref.prim};
+        }
       }
       if (!places.empty()) places[i] = place;
     }
-    left.refs = left.refs.first(l), right.refs = right.refs.first(r);
+    left.refs = left.refs.first(l);
+    right.refs = right.refs.first(r);
     if (cell.HasEvents()) {
       std::span<KdEvent> fresh[2][3];
-      for (int axis = 0; axis < 3; ++axis)
-        fresh[0][axis] = memory.Take<KdEvent>(2 * size_t(fresh_l)),
+      for (int axis = 0; axis < 3; ++axis) {
+        fresh[0][axis] = memory.Take<KdEvent>(2 * size_t(fresh_l));
         fresh[1][axis] = memory.Take<KdEvent>(2 * size_t(fresh_r));
+      }
       ForAxes(cell.size(), [&](int axis) {
         auto write = [&](const Cell& child, std::span<const uint32_t> from, std::span<KdEvent>& to) {
           size_t used = 0;

@@ -44,7 +44,8 @@ KdEventCounts SplitKdEvents(std::span<const KdEvent> events, std::span<const KdP
   for (const KdEvent e : events) {
     const KdPlace place = places[RefOf(e)];
     *l = *r = (e & ~KdEvent{kMaxKdRefs}) | place.place();
-    l += place.IsLeft(), r += place.IsRight();
+    l += place.IsLeft();
+    r += place.IsRight();
   }
   const size_t old_left = size_t(l - left) - fresh_left.size();
   const size_t old_right = size_t(r - right) - fresh_right.size();

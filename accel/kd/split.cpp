@@ -41,9 +41,14 @@ struct Polygon {
     if (n == 0) return box;
     for (int a = 0; a < 3; ++a) {
       double lo = v[0][a], hi = v[0][a];
-      for (int i = 1; i < n; ++i) lo = std::min(lo, v[i][a]), hi = std::max(hi, v[i][a]);
-      lo -= pad, hi += pad;
-      box.lo[a] = float(lo), box.hi[a] = float(hi);
+      for (int i = 1; i < n; ++i) {
+        lo = std::min(lo, v[i][a]);
+        hi = std::max(hi, v[i][a]);
+      }
+      lo -= pad;
+      hi += pad;
+      box.lo[a] = float(lo);
+      box.hi[a] = float(hi);
       if (double(box.lo[a]) > lo) box.lo[a] = std::nextafter(box.lo[a], -kInf);
       if (double(box.hi[a]) < hi) box.hi[a] = std::nextafter(box.hi[a], kInf);
     }
@@ -76,8 +81,14 @@ KdParts SplitRef(const rb_geometry& geometry, const KdRef& ref, int axis, const 
   // Clip by the parent cell's faces where the triangle reaches beyond, then by the plane.
   for (int a = 0; a < 3; ++a) {
     const double lo = left.lo[a] - pad, hi = right.hi[a] + pad;
-    if (tight.lo[a] < lo) next->Clip(*part, a, lo, -1), std::swap(part, next);
-    if (tight.hi[a] > hi) next->Clip(*part, a, hi, 1), std::swap(part, next);
+    if (tight.lo[a] < lo) {
+      next->Clip(*part, a, lo, -1);
+      std::swap(part, next);
+    }
+    if (tight.hi[a] > hi) {
+      next->Clip(*part, a, hi, 1);
+      std::swap(part, next);
+    }
   }
   const double pos = right.lo[axis];
   KdParts parts;

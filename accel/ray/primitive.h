@@ -2,9 +2,9 @@
 // that the answer does not depend on the structure.
 //
 // A computed t can fall outside the primitive's own padded box (1.7e-4 of edge-aimed rays). Under
-// conservative numerics it is clamped to the primitive's slab interval: rounding is monotone, so no node
-// above can then cull it, and the winner does not depend on the order of traversal. An exact t needs no
-// clamp.
+// conservative numerics it is clamped to the primitive's slab interval: rounding is monotone, so no
+// node above can then cull it, and the winner does not depend on the order of traversal. An exact t
+// needs no clamp.
 #pragma once
 
 #include <algorithm>

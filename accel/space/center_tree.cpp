@@ -75,7 +75,8 @@ class Builder {
       const size_t held = o.end - o.begin;
       CenterTree::Node& node = result_.nodes[o.node];
       if (!o.divided) {
-        node.first = result_.refs.size(), node.count = uint32_t(held);
+        node.first = result_.refs.size();
+        node.count = uint32_t(held);
         result_.refs.insert(result_.refs.end(), refs_.begin() + ptrdiff_t(o.begin),
                             refs_.begin() + ptrdiff_t(o.end));
         blocks_ += LeafBlocks<>::BlocksOf(held);
@@ -99,12 +100,14 @@ class Builder {
       if (!o.divided) continue;
       for (uint32_t k = 0; k < children_; ++k) {
         const uint64_t n = chunks[c].into[k];
-        chunks[c].into[k] = o.into[k], o.into[k] += n;
+        chunks[c].into[k] = o.into[k];
+        o.into[k] += n;
         if (n > 0 && options_.axis_count == 2) {
           Bounds3& box = result_.nodes[result_.nodes[o.node].child + k].box;
           float& lo = box.lo[options_.axes[2]];
           float& hi = box.hi[options_.axes[2]];
-          lo = std::min(lo, chunks[c].lo[k]), hi = std::max(hi, chunks[c].hi[k]);
+          lo = std::min(lo, chunks[c].lo[k]);
+          hi = std::max(hi, chunks[c].hi[k]);
         }
       }
     }
@@ -141,8 +144,10 @@ class Builder {
     const double most = options_.references * double(insertion_.size());
     if (double(total) <= most) return;
     std::stable_sort(growths.begin(), growths.end(), [](auto& a, auto& b) { return a.factor > b.factor; });
-    for (size_t i = 0; i < growths.size() && double(total) > most; ++i)
-      growths[i].cell->divided = false, total -= growths[i].more;
+    for (size_t i = 0; i < growths.size() && double(total) > most; ++i) {
+      growths[i].cell->divided = false;
+      total -= growths[i].more;
+    }
   }
 
   /// Along an axis that is not halved: empty, until its primitives are known.
@@ -151,7 +156,8 @@ class Builder {
       ((child >> k & 1) != 0 ? box.lo : box.hi)[options_.axes[k]] = center[k];
     if (options_.axis_count == 2) {
       const Bounds3 none;
-      box.lo[options_.axes[2]] = none.lo.x, box.hi[options_.axes[2]] = none.hi.x;
+      box.lo[options_.axes[2]] = none.lo.x;
+      box.hi[options_.axes[2]] = none.hi.x;
     }
     return box;
   }
@@ -160,7 +166,10 @@ class Builder {
     const Bounds3 box = result_.nodes[o.node].box;
     const unsigned all = (1u << children_) - 1;
     static constexpr unsigned kUpper[3] = {0xAA, 0xCC, 0xF0};  // children in the upper half along axis k
-    for (uint32_t k = 0; k < children_; ++k) chunk.lo[k] = Bounds3{}.lo.x, chunk.hi[k] = Bounds3{}.hi.x;
+    for (uint32_t k = 0; k < children_; ++k) {
+      chunk.lo[k] = Bounds3{}.lo.x;
+      chunk.hi[k] = Bounds3{}.hi.x;
+    }
     for (size_t i = chunk.begin; i < chunk.end; ++i) {
       const uint32_t prim = refs_[i];
       const Bounds3& b = insertion_.Box(prim);
@@ -169,7 +178,11 @@ class Builder {
         const int a = options_.axes[k];
         const float c = o.center[k];
         bool lower = b.lo[a] <= c, upper = b.hi[a] >= c;  // both halves own the plane
-        if (c >= box.hi[a]) lower = true, upper = false;  // too thin to be halved
+        if (c >= box.hi[a]) {
+          // Too thin to be halved.
+          lower = true;
+          upper = false;
+        }
         if (!lower) mask &= kUpper[k];
         if (!upper) mask &= ~kUpper[k];
       }
@@ -194,7 +207,8 @@ class Builder {
       Bounds3 cell = ChildBox(box, center, child);
       if (options_.axis_count == 2) {
         const int height = options_.axes[2];
-        cell.lo[height] = insertion_.Box(prim).lo[height], cell.hi[height] = insertion_.Box(prim).hi[height];
+        cell.lo[height] = insertion_.Box(prim).lo[height];
+        cell.hi[height] = insertion_.Box(prim).hi[height];
       }
       if (insertion_.TriangleMeets(prim, ToDouble(cell.lo), ToDouble(cell.hi))) result |= 1u << child;
     }

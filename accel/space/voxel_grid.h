@@ -1,5 +1,5 @@
-// Grids of cells, and grids inside cells: how they are stored and how rays walk them; the builder is in
-// voxel_grid.cpp.
+// Grids of cells, and grids inside cells: how they are stored and how rays walk them; the builder is
+// in voxel_grid.cpp.
 //
 // A level is a box cut into res[0] x res[1] x res[2] equal cells. Most cells are empty, so what is stored is,
 // for each tile of 4 x 4 x 4 cells, one bit a cell and where the tile's filled cells begin:
@@ -15,14 +15,14 @@
 // Why no hit is lost. Let u = 2^-24. A primitive that the test accepts at t has, on each axis a, a point of
 // its padded box at some t_a with |t_a - t| <= s t, s = 40 u (ray/bounds.h: 32 u and its rounding). So it
 // stands in one of the cells whose index on each axis is that of some moment within s of t: the cells that
-// the ray meets, and those beside it where it crosses walls of two or three axes at nearly the same time. At
-// each wall that it crosses, the walk also looks into the cells behind those walls of other axes that follow
-// within 2 s (Beside). It begins 4 s before the box, and stops when the next wall, less s, lies behind the
-// best hit; each hit found is kept, also behind the cell. Positions of walls are rounded by less than
-// Insertion::slack(), which insertion allows for; an origin so far away that this does not hold has a larger
-// s t. That takes each axis to cross one wall at most within 2 s: a ray from so far that 4 s t exceeds a cell
-// is not walked, but tested against halves of the grid, halves of those and so on, by the slab test
-// (Descend).
+// the ray meets, and those beside it where it crosses walls of two or three axes at nearly the same time.
+// At each wall that it crosses, the walk also looks into the cells behind those walls of other axes that
+// follow within 2 s (Beside). It begins 4 s before the box, and stops when the next wall, less s, lies
+// behind the best hit; each hit found is kept, also behind the cell. Positions of walls are rounded by less
+// than Insertion::slack(), which insertion allows for; an origin so far away that this does not hold has a
+// larger s t. That takes each axis to cross one wall at most within 2 s: a ray from so far that 4 s t
+// exceeds a cell is not walked, but tested against halves of the grid, halves of those and so on, by the
+// slab test (Descend).
 #pragma once
 
 #include <cmath>
@@ -37,8 +37,7 @@ enum class GridRule : uint32_t { kRegular, kWoo, kHeterogeneous };
 inline constexpr const char* kGridRuleChoices[] = {"regular", "woo", "heterogeneous", nullptr};
 inline constexpr const char* kGridRuleDoc =
     "cells by axis, for density x primitives in all: regular (the cube root of that on each), woo (on the "
-    "longest; "
-    "cubic cells), heterogeneous (cubic cells, the number met)";
+    "longest; cubic cells), heterogeneous (cubic cells, the number met)";
 
 struct GridOptions {
   GridRule rule = GridRule::kHeterogeneous;
@@ -271,8 +270,8 @@ class VoxelGrid::Walker {
     return false;
   }
 
-  /// All cells from `from` up to `to`, exclusively, that the slab test lets through, in about the ray's
-  /// order.
+  /// All cells from `from` up to `to`, exclusively, that the slab test lets through, in about the
+  /// ray's order.
   bool Descend(const Level& level, const int32_t (&from)[3], const int32_t (&to)[3]) {
     float tnear, tfar;
     if (!Meets(level.CellBox(from, to), tnear, tfar)) return false;

@@ -1,5 +1,5 @@
-// The sphereflake: each sphere carries nine of a third of its radius, six around its equator and three above
-// them.
+// The sphereflake: each sphere carries nine of a third of its radius, six around its equator and three
+// above them.
 
 #include "datasets/generators/spd.h"
 
@@ -28,8 +28,8 @@ class Balls {
                                       kZAxis, Degrees(120 * third));
   }
 
-  /// `outward`: unit vector away from the parent; `path`: 1, then a digit for each step from the first
-  /// sphere.
+  /// `outward`: unit vector away from the parent; `path`: 1, then a digit for each step from the
+  /// first sphere.
   void Add(Vec3d center, double radius, Vec3d outward, int64_t generations, uint64_t path = 1) {
     AddSphere(scene_, center, radius, material_);
     if (generations == 0) return;
@@ -56,7 +56,8 @@ class Balls {
 
 Scene Generate(const void* config, const LoadOptions&) {
   Scene scene = SpdScene({2.1, 1.3, 1.7}, {0, 0, 0}, kZAxis, 45, {{4, 3, 2}, {1, -4, 4}, {-3, 1, 5}});
-  scene.spheres.reserve(Count(config) - 1), scene.sphere_material.reserve(Count(config) - 1);
+  scene.spheres.reserve(Count(config) - 1);
+  scene.sphere_material.reserve(Count(config) - 1);
   AddGround(scene, 12, -0.5, AddSurface(scene, {"ground", {1, 0.75, 0.33}, 0.8, 0, 0, 0, 1}));
   const uint32_t mirror = AddSurface(scene, {"balls", {1, 0.9, 0.7}, 0.5, 0.5, 37, 0, 1});
   Balls(scene, mirror).Add({0, 0, 0}, 0.5, kZAxis, SpdSizeOf(config));

@@ -1,9 +1,9 @@
-// A city of boxes: podium, tower and roof house on each lot of a street grid, high in the middle and low at
-// the rim, on one large ground. Everything stands along the axes, so boxes fit; but facades are strips from
-// bottom to top, long and thin, the ground's two triangles lie under all of it, and sizes differ by four
-// orders of magnitude. Rays along a street pass many boxes and hit none. It stands for architecture and urban
-// models, which come as such boxes. The glass strips mirror, so that there are reflection rays in all
-// directions.
+// A city of boxes: podium, tower and roof house on each lot of a street grid, high in the middle and low
+// at the rim, on one large ground. Everything stands along the axes, so boxes fit; but facades are strips
+// from bottom to top, long and thin, the ground's two triangles lie under all of it, and sizes differ by
+// four orders of magnitude. Rays along a street pass many boxes and hit none. It stands for architecture
+// and urban models, which come as such boxes. The glass strips mirror, so that there are reflection rays
+// in all directions.
 
 #include <cstddef>
 #include <tuple>
@@ -128,7 +128,8 @@ class Builder {
     scene_.triangle_material[triangle_++] = material;
   }
   void Quad(size_t a, size_t b, size_t c, size_t d, uint32_t material) {
-    Triangle(a, b, c, material), Triangle(a, c, d, material);
+    Triangle(a, b, c, material);
+    Triangle(a, c, d, material);
   }
 
   Scene& scene_;
@@ -146,7 +147,9 @@ Scene Generate(const void* config, const LoadOptions& options) {
   scene.provenance.source = "city";
   const auto add = [&](const char* name, Vec3f diffuse, float reflect) {
     Material material;
-    material.name = name, material.diffuse = diffuse, material.reflect = Vec3f{1, 1, 1} * reflect;
+    material.name = name;
+    material.diffuse = diffuse;
+    material.reflect = Vec3f{1, 1, 1} * reflect;
     return AddMaterial(scene, material);
   };
   const uint32_t ground = add("ground", {0.3f, 0.31f, 0.33f}, 0);
@@ -155,11 +158,15 @@ Scene Generate(const void* config, const LoadOptions& options) {
   const uint32_t glass = add("glass", {0.14f, 0.2f, 0.26f}, 0.4f);
 
   scene.positions.resize(4 + lots.size() * Builder::Vertices(strips));
-  scene.triangles.resize(Count(config)), scene.triangle_material.resize(Count(config), ground);
+  scene.triangles.resize(Count(config));
+  scene.triangle_material.resize(Count(config), ground);
   const float far = float(radius * 20);
-  scene.positions[0] = {-far, 0, -far}, scene.positions[1] = {-far, 0, far};
-  scene.positions[2] = {far, 0, far}, scene.positions[3] = {far, 0, -far};
-  scene.triangles[0] = {0, 1, 2}, scene.triangles[1] = {0, 2, 3};
+  scene.positions[0] = {-far, 0, -far};
+  scene.positions[1] = {-far, 0, far};
+  scene.positions[2] = {far, 0, far};
+  scene.positions[3] = {far, 0, -far};
+  scene.triangles[0] = {0, 1, 2};
+  scene.triangles[1] = {0, 2, 3};
 
   std::vector<double> tops(lots.size());
   ForEachItem(lots.size(), options.progress, 0.7, [&](size_t i) {
@@ -168,8 +175,10 @@ Scene Generate(const void* config, const LoadOptions& options) {
     const Lot& lot = lots[i];
     Vec3d lo{Begin(lot.x), 0, Begin(lot.z)}, hi{lo.x + kLot, 0, lo.z + kLot};
     const auto shrink = [&](double least, double most) {
-      lo.x += uniform(least, most), lo.z += uniform(least, most);
-      hi.x -= uniform(least, most), hi.z -= uniform(least, most);
+      lo.x += uniform(least, most);
+      lo.z += uniform(least, most);
+      hi.x -= uniform(least, most);
+      hi.z -= uniform(least, most);
       lo.y = hi.y;
     };
     // Few are high, and the highest stand in the middle.
@@ -177,11 +186,15 @@ Scene Generate(const void* config, const LoadOptions& options) {
     const double height = 8 + 14 * u + 260 * u * u * u * u / (1 + away * away * away * away);
     const uint32_t wall = walls[random.Below(std::size(walls))];
     Builder builder(scene, strips, i, TrianglesOfABuilding(c));
-    shrink(1, 2.5), lo.y = 0, hi.y = uniform(4, 7);
+    shrink(1, 2.5);
+    lo.y = 0;
+    hi.y = uniform(4, 7);
     builder.Box(lo, hi, walls[random.Below(std::size(walls))]);
-    shrink(0.5, 4), hi.y = lo.y + height;
+    shrink(0.5, 4);
+    hi.y = lo.y + height;
     builder.Tower(lo, hi, wall, glass);
-    shrink(2, 4), hi.y = lo.y + uniform(2.5, 5);
+    shrink(2, 4);
+    hi.y = lo.y + uniform(2.5, 5);
     builder.Box(lo, hi, walls[0]);
     tops[i] = hi.y;
   });

@@ -69,10 +69,13 @@ class Strand {
     if (c.on == kBall) {
       root_ = up = random.UnitVector();
     } else {
-      root_.x = 2 * random.NextDouble() - 1, root_.y = 0, root_.z = 2 * random.NextDouble() - 1;
+      root_.x = 2 * random.NextDouble() - 1;
+      root_.y = 0;
+      root_.z = 2 * random.NextDouble() - 1;
     }
     axis_ = Normalize(up + random.UnitVector() * 0.45);
-    x_ = AnyPerpendicular(axis_), y_ = Cross(axis_, x_);
+    x_ = AnyPerpendicular(axis_);
+    y_ = Cross(axis_, x_);
     length_ = c.length * (0.65 + 0.35 * random.NextDouble());
     droop_ = c.on == kBall ? 0.45 * length_ : 0.2 * length_;
     radius_ = 0.07 * length_;
@@ -81,7 +84,8 @@ class Strand {
     const double x = std::min(1.2, 3.14159265358979 * c.curl / double(c.segments));
     double w = x * (15 - x * x) / (15 - 6 * x * x);
     if (random.NextBits() >> 63 != 0) w = -w;
-    cosine_ = (1 - w * w) / (1 + w * w), sine_ = 2 * w / (1 + w * w);
+    cosine_ = (1 - w * w) / (1 + w * w);
+    sine_ = 2 * w / (1 + w * w);
   }
 
   /// body(k, point, tangent) for the segments + 1 points from the root on; the tangent is a unit vector.
@@ -91,10 +95,12 @@ class Strand {
     double c = 1, s = 0;
     for (uint64_t k = 0; k <= segments_; ++k) {
       const double next_c = c * cosine_ - s * sine_;
-      s = c * sine_ + s * cosine_, c = next_c;
+      s = c * sine_ + s * cosine_;
+      c = next_c;
       const Vec3d next = Point(double(k + 1), c, s);
       body(k, here, Normalize(next - last));
-      last = here, here = next;
+      last = here;
+      here = next;
     }
   }
 
@@ -117,7 +123,7 @@ Scene Generate(const void* config, const LoadOptions& options) {
   Scene scene;
   scene.provenance.source = "fibres";
   Material skin;
-  skin.name = ball ? "skin" : "soil",
+  skin.name = ball ? "skin" : "soil";
   skin.diffuse = ball ? Vec3f{0.3f, 0.2f, 0.15f} : Vec3f{0.22f, 0.17f, 0.12f};
   const uint32_t skin_material = AddMaterial(scene, skin);
   const Vec3f hair[] = {{0.72f, 0.45f, 0.22f}, {0.6f, 0.34f, 0.15f}, {0.82f, 0.58f, 0.32f}};
@@ -139,7 +145,8 @@ Scene Generate(const void* config, const LoadOptions& options) {
   Append(scene, base, skin_material);
   const size_t first_vertex = scene.positions.size(), first_triangle = scene.triangles.size();
   scene.positions.resize(first_vertex + layout.strands * layout.strand_vertices);
-  scene.triangles.resize(Count(config)), scene.triangle_material.resize(Count(config));
+  scene.triangles.resize(Count(config));
+  scene.triangle_material.resize(Count(config));
 
   // A strand is two sevenths as wide as it is far to the next.
   const double area = ball ? 12.566 : 4, spacing = std::sqrt(area / double(layout.strands));
@@ -153,7 +160,8 @@ Scene Generate(const void* config, const LoadOptions& options) {
     uint32_t vertex = start;
     size_t triangle = first_triangle + i * layout.strand_triangles;
     const auto add = [&](uint32_t a, uint32_t b, uint32_t d) {
-      scene.triangles[triangle] = {a, b, d}, scene.triangle_material[triangle++] = material;
+      scene.triangles[triangle] = {a, b, d};
+      scene.triangle_material[triangle++] = material;
     };
     Vec3d side = random.UnitVector();
     strand.Walk([&](uint64_t k, Vec3d p, Vec3d tangent) {
@@ -166,7 +174,8 @@ Scene Generate(const void* config, const LoadOptions& options) {
       side = Dot(side, side) > 1e-6 ? Normalize(side) : AnyPerpendicular(tangent);
       const double w = half_width * (1 - 0.8 * double(k) / double(c.segments));
       if (sides == 2) {
-        scene.positions[vertex++] = ToFloat(p + side * w), scene.positions[vertex++] = ToFloat(p - side * w);
+        scene.positions[vertex++] = ToFloat(p + side * w);
+        scene.positions[vertex++] = ToFloat(p - side * w);
         return;
       }
       const Vec3d other = Cross(tangent, side) * (w * std::sqrt(3.0) / 2);
@@ -182,7 +191,8 @@ Scene Generate(const void* config, const LoadOptions& options) {
         if (k + 1 == rings) {
           add(a, b, tip);
         } else {
-          add(a, b, b + sides), add(a, b + sides, a + sides);
+          add(a, b, b + sides);
+          add(a, b + sides, a + sides);
         }
       }
     if (sides == 3) add(start, start + 2, start + 1);

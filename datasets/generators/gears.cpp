@@ -60,7 +60,8 @@ Scene Generate(const void* config, const LoadOptions&) {
                          {{2, 4, 4}, {-2, 4, 3}, {2, -2.5, 2.5}, {-1, -4, 2}, {-1.111, -2.121, 2.626}});
   const size_t gears = size_t(n * n * n);
   scene.positions.reserve(gears * 2 * kCorners + 4);
-  scene.polygons.reserve(Count(config)), scene.polygon_material.reserve(Count(config));
+  scene.polygons.reserve(Count(config));
+  scene.polygon_material.reserve(Count(config));
   scene.polygon_vertices.reserve(gears * 6 * kCorners + 4);
   AddGround(scene, 2, 0, AddSurface(scene, {"ground", {1, 0.85, 0.7}, 0.3, 0.6, 37, 0, 0}));
 

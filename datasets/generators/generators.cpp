@@ -79,7 +79,8 @@ Frame RandomFrame(Random& random) {
   frame.x = random.UnitVector();
   do frame.z = Cross(frame.x, random.UnitVector());
   while (Dot(frame.z, frame.z) < 0.01);
-  frame.z = Normalize(frame.z), frame.y = Cross(frame.z, frame.x);
+  frame.z = Normalize(frame.z);
+  frame.y = Cross(frame.z, frame.x);
   return frame;
 }
 
@@ -112,7 +113,10 @@ double ValueNoise::At(Vec3d p) const {
   Vec3d base{std::floor(p.x), std::floor(p.y), std::floor(p.z)}, f = p - base;
   auto smooth = [](double t) { return t * t * t * (t * (t * 6 - 15) + 10); };
   double weight[3][2];
-  for (int k = 0; k < 3; ++k) weight[k][1] = smooth(f[k]), weight[k][0] = 1 - weight[k][1];
+  for (int k = 0; k < 3; ++k) {
+    weight[k][1] = smooth(f[k]);
+    weight[k][0] = 1 - weight[k][1];
+  }
   double sum = 0;
   for (int i = 0; i < 8; ++i) {
     int dx = i & 1, dy = i >> 1 & 1, dz = i >> 2;

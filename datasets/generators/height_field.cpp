@@ -91,7 +91,8 @@ HeightField ReadNpy(const std::filesystem::path& path) {
   if (!ValueOf(path, header, "'fortran_order'").starts_with("False"))
     Fail(path, "is in Fortran order; C order is needed");
   HeightField field;
-  field.rows = uint32_t(rows), field.columns = uint32_t(columns);
+  field.rows = uint32_t(rows);
+  field.columns = uint32_t(columns);
   const std::string_view type = ValueOf(path, header, "'descr'").substr(0, 5);
   const bool big_endian = type.starts_with("'>");
   if (type == "'<i2'" || type == "'>i2'") {
@@ -113,11 +114,14 @@ HeightField ReadGtx(const std::filesystem::path& path) {
   const std::string file = ReadFile(path);
   if (file.size() < 40) Fail(path, "ends inside its header of 40 bytes");
   HeightField field;
-  field.south = Load<double>(&file[0], true), field.west = Load<double>(&file[8], true);
-  field.latitude_step = Load<double>(&file[16], true), field.longitude_step = Load<double>(&file[24], true);
+  field.south = Load<double>(&file[0], true);
+  field.west = Load<double>(&file[8], true);
+  field.latitude_step = Load<double>(&file[16], true);
+  field.longitude_step = Load<double>(&file[24], true);
   const int32_t rows = Load<int32_t>(&file[32], true), columns = Load<int32_t>(&file[36], true);
   CheckSides(path, rows, columns);
-  field.rows = uint32_t(rows), field.columns = uint32_t(columns);
+  field.rows = uint32_t(rows);
+  field.columns = uint32_t(columns);
   ReadHeights<float>(path, std::string_view(file).substr(40), true, field);
   return field;
 }
@@ -157,16 +161,20 @@ void SinCosDegrees(double degrees, double& sine, double& cosine) {
   s *= x;
   switch (int(quarter - 4 * std::floor(quarter / 4))) {
     case 0:
-      sine = s, cosine = c;
+      sine = s;
+      cosine = c;
       break;
     case 1:
-      sine = c, cosine = -s;
+      sine = c;
+      cosine = -s;
       break;
     case 2:
-      sine = -s, cosine = -c;
+      sine = -s;
+      cosine = -c;
       break;
     default:
-      sine = -c, cosine = s;
+      sine = -c;
+      cosine = s;
       break;
   }
 }

@@ -1,5 +1,5 @@
-// Height fields to triangles. The same input gives the same bytes on every machine: plain IEEE arithmetic, no
-// libm.
+// Height fields to triangles. The same input gives the same bytes on every machine: plain IEEE arithmetic,
+// no libm.
 #pragma once
 
 #include <filesystem>
@@ -42,8 +42,8 @@ TriangleMesh GlobeMesh(const HeightField& field, double exaggeration, const std:
 /// Sine and cosine of an angle in degrees, to about 1e-15, from +, - and * alone.
 void SinCosDegrees(double degrees, double& sine, double& cosine);
 
-/// Binary little-endian PLY: float x y z; list uchar int vertex_indices. Throws InputError if it cannot be
-/// written.
+/// Binary little-endian PLY: float x y z; list uchar int vertex_indices. Throws InputError if it cannot
+/// be written.
 void WriteBinaryPly(const std::filesystem::path& path, const TriangleMesh& mesh);
 
 }  // namespace raybench

@@ -30,7 +30,8 @@ Scene Generate(const void* config, const LoadOptions& options) {
 
   Material shiny;
   shiny.name = "sphere";
-  shiny.diffuse = {0.6f, 0.65f, 0.75f}, shiny.specular = {0.4f, 0.4f, 0.4f};
+  shiny.diffuse = {0.6f, 0.65f, 0.75f};
+  shiny.specular = {0.4f, 0.4f, 0.4f};
   Append(scene, mesh, AddMaterial(scene, shiny));
   scene.Finish();
   return scene;

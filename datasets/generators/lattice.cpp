@@ -22,8 +22,10 @@ Scene Generate(const void* config, const LoadOptions&) {
       SpdScene({middle, 1, 1 - cell / 2}, {middle, -1, -1 - cell / 2}, {0.2, 1, 0}, 60,
                {{2, 0.5, 0.5}, {-1, 0.5, 0.5}, {0.5, 2, 0.5}, {0.5, -1, 0.5}, {0.5, 0.5, 2}, {0.5, 0.5, -1}});
   const size_t spheres = size_t((n + 1) * (n + 1) * (n + 1)), cylinders = Count(config) - spheres;
-  scene.spheres.reserve(spheres), scene.sphere_material.reserve(spheres);
-  scene.cones.reserve(cylinders), scene.cone_material.reserve(cylinders);
+  scene.spheres.reserve(spheres);
+  scene.sphere_material.reserve(spheres);
+  scene.cones.reserve(cylinders);
+  scene.cone_material.reserve(cylinders);
   const uint32_t ball = AddSurface(scene, {"sphere", {0.9, 0.9, 0.9}, 0.5, 0.5, 37});
   const uint32_t rod[3] = {AddSurface(scene, {"along x", {0.9, 0.1, 0.1}, 0.99}),
                            AddSurface(scene, {"along y", {0.1, 0.9, 0.1}, 0.99}),
@@ -41,7 +43,8 @@ Scene Generate(const void* config, const LoadOptions&) {
         for (int k = 0; k < 3; ++k) {
           if (at[k] == n) continue;
           Vec3d base = center, apex = center;
-          base[k] += inset, apex[k] += cell - inset;
+          base[k] += inset;
+          apex[k] += cell - inset;
           AddCone(scene, base, rod_radius, apex, rod_radius, rod[k]);
         }
       }

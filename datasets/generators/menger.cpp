@@ -4,10 +4,10 @@
 // planes of splitting planes, and is kind to boxes otherwise; the exact counts are known. Only faces between
 // inside and outside are made, over shared vertices: the surface is closed at any depth.
 //
-// A cell (x, y, z) of the lattice of 3^depth is empty if in some base-3 digit at least two coordinates are 1.
-// With the digits that are 1 as bits of a word, that is three ands. A lattice point is a vertex if its eight
-// cells are neither all empty nor all full, so vertices are bits in a map, and their ids counts of the bits
-// before.
+// A cell (x, y, z) of the lattice of 3^depth is empty if in some base-3 digit at least two coordinates are
+// 1. With the digits that are 1 as bits of a word, that is three ands. A lattice point is a vertex if its
+// eight cells are neither all empty nor all full, so vertices are bits in a map, and their ids counts of the
+// bits before.
 
 #include <bit>
 #include <cstddef>
@@ -31,7 +31,10 @@ const rb_param kParams[] = {
 
 uint64_t Count(const void* config) {
   uint64_t twenty = 1, eight = 1;
-  for (int64_t i = 0; i < static_cast<const Config*>(config)->depth; ++i) twenty *= 20, eight *= 8;
+  for (int64_t i = 0; i < static_cast<const Config*>(config)->depth; ++i) {
+    twenty *= 20;
+    eight *= 8;
+  }
   return 4 * twenty + 8 * eight;
 }
 
@@ -84,7 +87,8 @@ class PointIds {
  public:
   PointIds(const Sponge& sponge, const std::function<void(double)>& progress)
       : points_(size_t(sponge.cells()) + 1), row_words_((points_ + 63) / 64) {
-    bits_.resize(points_ * points_ * row_words_), before_.resize(points_ * points_ * row_words_);
+    bits_.resize(points_ * points_ * row_words_);
+    before_.resize(points_ * points_ * row_words_);
     ForEachItem(points_, progress, 0.4, [&](size_t z) {
       for (size_t y = 0; y < points_; ++y)
         for (size_t x = 0; x < points_; ++x)
@@ -120,9 +124,12 @@ Scene Generate(const void* config, const LoadOptions& options) {
   Scene scene;
   scene.provenance.source = "menger";
   Material outside, inside;
-  outside.name = "outer faces", outside.diffuse = {0.72f, 0.66f, 0.55f},
+  outside.name = "outer faces";
+  outside.diffuse = {0.72f, 0.66f, 0.55f};
   outside.specular = {0.1f, 0.1f, 0.1f};
-  inside.name = "tunnels", inside.diffuse = {0.78f, 0.42f, 0.26f}, inside.reflect = {0.15f, 0.12f, 0.1f};
+  inside.name = "tunnels";
+  inside.diffuse = {0.78f, 0.42f, 0.26f};
+  inside.reflect = {0.15f, 0.12f, 0.1f};
   const uint32_t outer = AddMaterial(scene, outside), inner = AddMaterial(scene, inside);
 
   scene.positions.resize(ids.count());
@@ -142,7 +149,8 @@ Scene Generate(const void* config, const LoadOptions& options) {
   std::vector<size_t> start(n + 1);
   ForEachItem(n, {}, 0, [&](size_t z) { for_each_face(z, [&](int, int, int, int) { ++start[z + 1]; }); });
   std::partial_sum(start.begin(), start.end(), start.begin());
-  scene.triangles.resize(2 * start[n]), scene.triangle_material.resize(2 * start[n]);
+  scene.triangles.resize(2 * start[n]);
+  scene.triangle_material.resize(2 * start[n]);
   ForEachItem(n, {}, 0, [&](size_t z) {
     size_t next = 2 * start[z];
     for_each_face(z, [&](int x, int y, int axis, int side) {
@@ -153,7 +161,8 @@ Scene Generate(const void* config, const LoadOptions& options) {
         size_t p[3] = {cell[0], cell[1], cell[2]};
         p[axis] += size_t(side);
         const int walk = side == 1 ? k : 3 - k;
-        p[(axis + 1) % 3] += size_t(walk == 1 || walk == 2), p[(axis + 2) % 3] += size_t(walk >= 2);
+        p[(axis + 1) % 3] += size_t(walk == 1 || walk == 2);
+        p[(axis + 2) % 3] += size_t(walk >= 2);
         corner[k] = ids(p[0], p[1], p[2]);
       }
       const uint32_t material = cell[axis] == (side == 1 ? n - 1 : 0) ? outer : inner;

@@ -20,8 +20,8 @@ uint32_t Seed(uint32_t x, uint32_t y, int size) {
   return kMountain + (((x << (23 - size)) + (y << (15 - size)) + high) & 0xFFFF);
 }
 
-/// Normal deviate of variance 1 by Marsaglia's polar method, on a congruential generator of Numerical
-/// Recipes.
+/// Normal deviate of variance 1 by Marsaglia's polar method, on a congruential generator of
+/// Numerical Recipes.
 double Gauss(uint32_t seed) {
   constexpr uint64_t kModulus = 134456, kFactor = 8121, kIncrement = 28411;
   uint64_t second = seed;
@@ -61,21 +61,29 @@ class Mountain {
     auto raise = [&](uint32_t at_x, uint32_t at_y, double mean, double scale) {
       Height(at_x, at_y) = mean + scale * Gauss(Seed(at_x, at_y, size_));
     };
-    raise(x + h, y, (a + b) / 2, rise), raise(x + w, y + h, (b + c) / 2, rise);
-    raise(x + h, y + w, (c + d) / 2, rise), raise(x, y + h, (d + a) / 2, rise);
+    raise(x + h, y, (a + b) / 2, rise);
+    raise(x + w, y + h, (b + c) / 2, rise);
+    raise(x + h, y + w, (c + d) / 2, rise);
+    raise(x, y + h, (d + a) / 2, rise);
     raise(x + h, y + h, (a + b + c + d) / 4, 1.4142136 * rise);
-    Raise(x, y, h), Raise(x + h, y, h), Raise(x + h, y + h, h), Raise(x, y + h, h);
+    Raise(x, y, h);
+    Raise(x + h, y, h);
+    Raise(x + h, y + h, h);
+    Raise(x, y + h, h);
   }
 
   void AddTriangles(uint32_t x, uint32_t y, uint32_t w) {
     if (w == 1) {
       const uint32_t a = Index(x, y), b = Index(x + 1, y), c = Index(x + 1, y + 1), d = Index(x, y + 1);
-      AddTriangle(scene_, {a, b, c}, material_), AddTriangle(scene_, {c, d, a}, material_);
+      AddTriangle(scene_, {a, b, c}, material_);
+      AddTriangle(scene_, {c, d, a}, material_);
       return;
     }
     const uint32_t h = w / 2;
-    AddTriangles(x, y, h), AddTriangles(x + h, y, h), AddTriangles(x + h, y + h, h),
-        AddTriangles(x, y + h, h);
+    AddTriangles(x, y, h);
+    AddTriangles(x + h, y, h);
+    AddTriangles(x + h, y + h, h);
+    AddTriangles(x, y + h, h);
   }
 
   static constexpr double kCubeRootOf2 = 1.2599210498948732;  // (2 / 2^(1 / 1.2))^2
@@ -87,7 +95,8 @@ class Mountain {
 
 Scene Generate(const void* config, const LoadOptions&) {
   Scene scene = SpdScene({-1.6, 1.6, 1.7}, {0, 0, 0}, kZAxis, 45, {{-100, -100, 100}});
-  scene.triangles.reserve(Count(config)), scene.triangle_material.reserve(Count(config));
+  scene.triangles.reserve(Count(config));
+  scene.triangle_material.reserve(Count(config));
 
   // Four spheres that touch: one above, three below it at the angle between a tetrahedron's corners.
   const uint32_t glass = AddSurface(scene, {"glass", {1, 1, 1}, 0.1, 0.1, 6.7, 0.9, 1.5});

@@ -43,8 +43,10 @@ Scene Generate(const void* config, const LoadOptions&) {
   Scene scene =
       SpdScene(eye, eye + Vec3d{0, 1, 0}, kZAxis, 45, {{3, -spread, 3}, {-4, -spread, 1}, {2, -spread, -4}});
   const size_t count = Count(config) / 2;
-  scene.spheres.reserve(count), scene.sphere_material.reserve(count);
-  scene.cones.reserve(count), scene.cone_material.reserve(count);
+  scene.spheres.reserve(count);
+  scene.sphere_material.reserve(count);
+  scene.cones.reserve(count);
+  scene.cone_material.reserve(count);
 
   // The wall fills the picture and 1 % more.
   const double y = spread * double(n + 1), half = 1.01 * (y - eye.y) * view.sine / view.cosine;

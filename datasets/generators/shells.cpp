@@ -38,7 +38,10 @@ std::vector<uint64_t> Steps(const Config& c) {
   }
   for (size_t i = steps.size(); i-- > 0;) {
     const double more = double(2 * steps[i] + 1);
-    if (total + more / 2 <= wanted) ++steps[i], total += more;
+    if (total + more / 2 <= wanted) {
+      ++steps[i];
+      total += more;
+    }
   }
   return steps;
 }
@@ -54,7 +57,8 @@ Scene Generate(const void* config, const LoadOptions& options) {
   const uint64_t count = Count(config);
   Scene scene;
   scene.provenance.source = "shells";
-  scene.positions.reserve(count / 2 + 2 * steps.size()), scene.triangles.reserve(count);
+  scene.positions.reserve(count / 2 + 2 * steps.size());
+  scene.triangles.reserve(count);
   scene.triangle_material.reserve(count);
   Mesh sphere, turned;
   for (size_t i = 0; i < steps.size(); ++i) {
@@ -69,14 +73,17 @@ Scene Generate(const void* config, const LoadOptions& options) {
     const Vec3f tints[] = {
         {0.8f, 0.35f, 0.25f}, {0.85f, 0.7f, 0.3f}, {0.35f, 0.65f, 0.45f}, {0.3f, 0.5f, 0.8f}};
     const Vec3f tint = tints[i % 4];
-    material.specular = {0.5f, 0.5f, 0.5f}, material.shininess = 60;
+    material.specular = {0.5f, 0.5f, 0.5f};
+    material.shininess = 60;
     if (i == 0) {
-      material.diffuse = tint * 0.5f,
+      material.diffuse = tint * 0.5f;
       material.emission = tint * 0.8f;  // the shells around it keep light away
     } else {                            // thin glass: what is behind it does not shift much
-      material.diffuse = tint * 0.2f, material.emission = tint * 0.12f;
+      material.diffuse = tint * 0.2f;
+      material.emission = tint * 0.12f;
       material.transmit = Vec3f{0.5f, 0.5f, 0.5f} + tint * 0.35f;
-      material.reflect = {0.08f, 0.08f, 0.08f}, material.ior = 1.03f;
+      material.reflect = {0.08f, 0.08f, 0.08f};
+      material.ior = 1.03f;
     }
     Append(scene, turned, AddMaterial(scene, material));
     if (options.progress) options.progress(0.7 * double(i + 1) / double(steps.size()));

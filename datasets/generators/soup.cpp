@@ -47,11 +47,14 @@ Scene Generate(const void* config, const LoadOptions& options) {
   const char* const names[] = {"along x", "along y", "along z"};
   for (int axis = 0; axis < 3; ++axis) {
     Material material;
-    material.name = names[axis], material.diffuse = colours[axis];
+    material.name = names[axis];
+    material.diffuse = colours[axis];
     material.specular = {0.2f, 0.2f, 0.2f};
     AddMaterial(scene, material);
   }
-  scene.positions.resize(3 * n), scene.triangles.resize(n), scene.triangle_material.resize(n);
+  scene.positions.resize(3 * n);
+  scene.triangles.resize(n);
+  scene.triangle_material.resize(n);
   ForEachItem(n, options.progress, 0.7, [&](size_t i) {
     Random random(options.seed, i);
     Vec3d center;

@@ -79,7 +79,10 @@ double NaturalLog(double x) {
   // x = m 2^e with m near 1; log m = 2 artanh((m - 1) / (m + 1)), a series in a number below 0.172.
   int exponent;
   double m = std::frexp(x, &exponent);
-  if (m < std::numbers::sqrt2 / 2) m *= 2, --exponent;
+  if (m < std::numbers::sqrt2 / 2) {
+    m *= 2;
+    --exponent;
+  }
   const double y = (m - 1) / (m + 1), y2 = y * y;
   double sum = 0;
   for (int n = 23; n >= 1; n -= 2) sum = sum * y2 + 1.0 / n;

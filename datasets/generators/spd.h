@@ -58,7 +58,7 @@ struct Angle {
   double sine, cosine;
 };
 Angle Degrees(double degrees);
-/// `v` turned around the unit vector `axis`, counter-clockwise for who looks against it (Rodrigues' formula).
+/// `v` turned around the unit vector `axis`, counter-clockwise seen against it (Rodrigues' formula).
 inline Vec3d Turn(Vec3d v, Vec3d axis, Angle angle) {
   return v * angle.cosine + Cross(axis, v) * angle.sine + axis * (Dot(axis, v) * (1 - angle.cosine));
 }

@@ -20,8 +20,7 @@ const rb_param kParams[] = {
     IntParam(
         "tessellation",
         "0: analytic spheres; else the first sphere has 20 * 4^tessellation triangles and each generation a "
-        "quarter of the "
-        "one before, 20 at least (100,882 triangles in all at (3,4), 1,413,082 at (5,4))",
+        "quarter of the one before, 20 at least (100,882 triangles in all at (3,4), 1,413,082 at (5,4))",
         offsetof(Config, tessellation), 0, 8, 4),
 };
 
@@ -41,7 +40,8 @@ class Flake {
       m.name = fmt::format("generation {}", g);
       float warm = float(g % 3) / 2;
       m.diffuse = Vec3f{0.55f, 0.42f - 0.1f * warm, 0.2f + 0.25f * warm};
-      m.specular = {0.5f, 0.5f, 0.5f}, m.shininess = 60;
+      m.specular = {0.5f, 0.5f, 0.5f};
+      m.shininess = 60;
       m.reflect = {0.35f, 0.33f, 0.3f};
       materials_.push_back(AddMaterial(scene_, m));
     }
@@ -115,7 +115,8 @@ Scene Generate(const void* config, const LoadOptions&) {
   }
   Material ground;
   ground.name = "ground";
-  ground.diffuse = {0.45f, 0.5f, 0.42f}, ground.reflect = {0.12f, 0.12f, 0.12f};
+  ground.diffuse = {0.45f, 0.5f, 0.42f};
+  ground.reflect = {0.12f, 0.12f, 0.12f};
   Mesh quad;
   const double size = 12, y = -1.02;
   for (Vec3d p : {Vec3d{-size, y, -size}, Vec3d{-size, y, size}, Vec3d{size, y, size}, Vec3d{size, y, -size}})

@@ -97,7 +97,8 @@ Mesh Arena() {
     double height = 0.3 * (row + 1) / kRows, inner = 0.5 + 0.5 * row / kRows,
            outer = 0.5 + 0.5 * (row + 1) / kRows;
     uint32_t riser = ring(inner, height), tread = ring(outer, height);
-    join(last, riser), join(riser, tread);
+    join(last, riser);
+    join(riser, tread);
     last = tread;
   }
   join(last, ring(1, 0));
@@ -126,9 +127,12 @@ Scene Generate(const void* config, const LoadOptions& options) {
   for (Vec3d& p : arena.positions) p = p * half;
 
   Material fur, concrete;
-  fur.name = "rabbit", fur.diffuse = {0.75f, 0.6f, 0.45f}, fur.specular = {0.15f, 0.15f, 0.15f},
+  fur.name = "rabbit";
+  fur.diffuse = {0.75f, 0.6f, 0.45f};
+  fur.specular = {0.15f, 0.15f, 0.15f};
   fur.shininess = 20;
-  concrete.name = "arena", concrete.diffuse = {0.55f, 0.57f, 0.6f};
+  concrete.name = "arena";
+  concrete.diffuse = {0.55f, 0.57f, 0.6f};
   Append(scene, arena, AddMaterial(scene, concrete));
   Append(scene, rabbit, AddMaterial(scene, fur));
 

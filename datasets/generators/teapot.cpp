@@ -105,8 +105,13 @@ struct Bernstein {
   double value[4], slope[4];
   explicit Bernstein(double t) {
     const double s = 1 - t;
-    value[0] = s * s * s, value[1] = 3 * s * s * t, value[2] = 3 * s * t * t, value[3] = t * t * t;
-    slope[0] = -3 * s * s, slope[1] = 3 * s * (s - 2 * t), slope[2] = 3 * t * (2 * s - t),
+    value[0] = s * s * s;
+    value[1] = 3 * s * s * t;
+    value[2] = 3 * s * t * t;
+    value[3] = t * t * t;
+    slope[0] = -3 * s * s;
+    slope[1] = 3 * s * (s - 2 * t);
+    slope[2] = 3 * t * (2 * s - t);
     slope[3] = 3 * t * t;
   }
 };
@@ -155,7 +160,8 @@ void AddSquares(Scene& scene, uint32_t n, uint32_t odd, uint32_t material) {
 Scene Generate(const void* config, const LoadOptions&) {
   const uint32_t n = uint32_t(SpdSizeOf(config));
   Scene scene = SpdScene({4.86, 7.2, 5.4}, {0, 0, 0}, kZAxis, 45, {{-3.1, 9.8, 12.1}, {11.3, 5.1, 8.8}});
-  scene.triangles.reserve(Count(config)), scene.triangle_material.reserve(Count(config));
+  scene.triangles.reserve(Count(config));
+  scene.triangle_material.reserve(Count(config));
   for (uint32_t i = 0; i <= n; ++i)
     for (uint32_t j = 0; j <= n; ++j) AddVertex(scene, {8.0 * i / n - 4, 8.0 * j / n - 4, 0});
   scene.normals.resize(scene.positions.size());

@@ -55,11 +55,13 @@ double Ridges(std::span<const uint64_t> octaves, double x, double z) {
   for (uint64_t seed : octaves) {
     const double crest = 1 - std::abs(Noise(seed, x, z));
     const double signal = crest * crest * weight;
-    sum += height * signal, height /= 2;
+    sum += height * signal;
+    height /= 2;
     weight = std::clamp(signal * 2, 0.0, 1.0);
     // Doubled and turned by a 3-4-5 angle, so that the octaves' lattices do not line up.
     const double turned = 1.6 * x - 1.2 * z + 0.37;
-    z = 1.2 * x + 1.6 * z + 0.53, x = turned;
+    z = 1.2 * x + 1.6 * z + 0.53;
+    x = turned;
   }
   return sum;
 }
@@ -78,7 +80,9 @@ Scene Generate(const void* config, const LoadOptions& options) {
   scene.provenance.source = "terrain";
   const auto add = [&](const char* name, Vec3f diffuse, Vec3f reflect) {
     Material material;
-    material.name = name, material.diffuse = diffuse, material.reflect = reflect;
+    material.name = name;
+    material.diffuse = diffuse;
+    material.reflect = reflect;
     return AddMaterial(scene, material);
   };
   const uint32_t water = add("water", {0.1f, 0.2f, 0.28f}, {0.45f, 0.45f, 0.45f});
@@ -95,12 +99,14 @@ Scene Generate(const void* config, const LoadOptions& options) {
       scene.positions[z * row + x] = ToFloat({px, c.relief * above * above, pz});  // wide valleys
     }
   });
-  scene.triangles.resize(2 * n * n), scene.triangle_material.resize(2 * n * n);
+  scene.triangles.resize(2 * n * n);
+  scene.triangle_material.resize(2 * n * n);
   ForEachItem(n, {}, 0, [&](size_t z) {
     for (size_t x = 0; x < n; ++x) {
       const uint32_t a = uint32_t(z * row + x), b = uint32_t(a + row);
       const size_t cell = 2 * (z * n + x);
-      scene.triangles[cell] = {a, b, b + 1}, scene.triangles[cell + 1] = {a, b + 1, a + 1};
+      scene.triangles[cell] = {a, b, b + 1};
+      scene.triangles[cell + 1] = {a, b + 1, a + 1};
       for (size_t i = cell; i < cell + 2; ++i) {
         const auto [p, q, r] = scene.triangles[i];
         const Vec3d origin = ToDouble(scene.positions[p]);

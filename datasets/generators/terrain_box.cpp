@@ -1,5 +1,5 @@
-// A closed box whose top is a fractal height field: many small triangles in a layer, large slivers around
-// them.
+// A closed box whose top is a fractal height field: many small triangles in a layer, large slivers
+// around them.
 
 #include <cstddef>
 
@@ -62,7 +62,8 @@ Scene Generate(const void* config, const LoadOptions& options) {
   Scene scene;
   scene.provenance.source = "terrain_box";
   Material rock;
-  rock.name = "terrain", rock.diffuse = {0.5f, 0.55f, 0.4f};
+  rock.name = "terrain";
+  rock.diffuse = {0.5f, 0.55f, 0.4f};
   Append(scene, mesh, AddMaterial(scene, rock));
   scene.Finish();
   return scene;

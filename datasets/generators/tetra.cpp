@@ -28,7 +28,8 @@ Scene Generate(const void* config, const LoadOptions&) {
   Scene scene = SpdScene({1.022846, -3.177154, -2.174512}, {-0.004103, -0.004103, 0.216539},
                          {-0.816497, -0.816497, 0.816497}, 45, {{2, -18, -5}});
   scene.positions.reserve(Count(config));
-  scene.triangles.reserve(Count(config)), scene.triangle_material.reserve(Count(config));
+  scene.triangles.reserve(Count(config));
+  scene.triangle_material.reserve(Count(config));
   Add(scene, {0, 0, 0}, 1, SpdSizeOf(config), AddSurface(scene, {"tetrahedron", {1, 0.2, 0.2}}));
   scene.Finish();
   return scene;

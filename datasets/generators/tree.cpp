@@ -67,8 +67,10 @@ Scene Generate(const void* config, const LoadOptions&) {
                           {50, 25, 20},
                           {-10, -60, 30}});
   const size_t branches = Count(config) / 2;
-  scene.spheres.reserve(branches), scene.sphere_material.reserve(branches);
-  scene.cones.reserve(branches), scene.cone_material.reserve(branches);
+  scene.spheres.reserve(branches);
+  scene.sphere_material.reserve(branches);
+  scene.cones.reserve(branches);
+  scene.cone_material.reserve(branches);
   AddGround(scene, 50, 0, AddSurface(scene, {"field", {0.2, 0.7, 0.2}}));
   const uint32_t bark = AddSurface(scene, {"tree", {0.55, 0.4, 0.2}});
   Tree(scene, bark).Grow({{0, 0, 0}, {kXAxis, {0, 1, 0}, kZAxis}, 1, 0.15}, SpdSizeOf(config));

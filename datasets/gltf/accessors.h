@@ -1,5 +1,5 @@
-// The arrays of a glTF file: accessors over buffer views, strided, sparse, of integers that stand for
-// fractions.
+// The arrays of a glTF file: accessors over buffer views, strided, sparse, of integers that stand
+// for fractions.
 #pragma once
 
 #include <tiny_gltf.h>

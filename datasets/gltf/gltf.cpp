@@ -317,7 +317,8 @@ class GltfReader {
         const double t = Tangent(angle / 2), t2 = t * t;
         return float(std::max(0.0, (1 - t2) / (1 + t2)));
       };
-      out.cos_inner = cosine(inner), out.cos_outer = cosine(outer);
+      out.cos_inner = cosine(inner);
+      out.cos_outer = cosine(outer);
     }
     if (out.kind != LightKind::kDirectional) {
       out.position = ToFloat(to_world.t);
@@ -331,8 +332,8 @@ class GltfReader {
 
   // --- Meshes
 
-  /// A primitive of triangles. Only its accessors are known yet: the data of each instance are read from
-  /// them.
+  /// A primitive of triangles. Only its accessors are known yet: the data of each instance are read
+  /// from them.
   struct Part {
     int positions, normals = -1, uvs = -1, indices = -1;
     int mode;
@@ -523,9 +524,11 @@ class GltfReader {
     for (std::array<uint32_t, 3>& t : triangles)
       for (uint32_t& v : t)
         if (v < number.size()) v = number[v];
-    scene_.positions.swap(positions), scene_.triangles.swap(triangles);
+    scene_.positions.swap(positions);
+    scene_.triangles.swap(triangles);
     scene_.TakeHash();
-    scene_.positions.swap(positions), scene_.triangles.swap(triangles);
+    scene_.positions.swap(positions);
+    scene_.triangles.swap(triangles);
   }
 
   void AddVertices(const Part& part, const Instance& instance) {

@@ -45,7 +45,8 @@ void Rotation(double angle, double& sine, double& cosine) {
   if (!(std::abs(angle) < 0x1p40)) angle = 0;
   angle -= std::floor(angle / (2 * std::numbers::pi) + 0.5) * (2 * std::numbers::pi);
   const double t = Tangent(angle / 4), s = 2 * t / (1 + t * t), c = (1 - t * t) / (1 + t * t);
-  sine = 2 * s * c, cosine = c * c - s * s;
+  sine = 2 * s * c;
+  cosine = c * c - s * s;
 }
 
 TextureWrap Wrap(int mode) {
@@ -56,7 +57,8 @@ TextureWrap Wrap(int mode) {
 
 GltfLookup Lookup(int texture, int set, const tinygltf::Value* transform) {
   GltfLookup out;
-  out.texture = texture, out.set = set;
+  out.texture = texture;
+  out.set = set;
   if (transform == nullptr) return out;
   // Offset * rotation * scale. The rotation is counter-clockwise in the picture, whose v points down.
   const tinygltf::Value *offset = Find(transform, "offset"), *scale = Find(transform, "scale");
@@ -64,8 +66,12 @@ GltfLookup Lookup(int texture, int set, const tinygltf::Value* transform) {
   double sine, cosine;
   Rotation(GltfNumber(*transform, "rotation", 0), sine, cosine);
   out.set = GltfIndex(*transform, "texCoord", out.set);
-  out.xx = cosine * u, out.xy = sine * v, out.x = Element(offset, 0, 0);
-  out.yx = -sine * u, out.yy = cosine * v, out.y = Element(offset, 1, 0);
+  out.xx = cosine * u;
+  out.xy = sine * v;
+  out.x = Element(offset, 0, 0);
+  out.yx = -sine * u;
+  out.yy = cosine * v;
+  out.y = Element(offset, 1, 0);
   out.mapped = out.xx != 1 || out.xy != 0 || out.x != 0 || out.yx != 0 || out.yy != 1 || out.y != 0;
   return out;
 }
@@ -140,7 +146,8 @@ Material GltfMaterial(const GltfContainer& container, const tinygltf::Material& 
       out.emission[int(i)] = float(std::clamp(m.emissiveFactor[i] * strength, 0.0, 1e30));
   out.transmit = base * (blends ? 1 - alpha : through);
   if (blends) {
-    out.ior = 1, out.thin = true;
+    out.ior = 1;
+    out.thin = true;
     return out;
   }
   out.ior = float(ior);
@@ -230,7 +237,8 @@ int32_t GltfTextures::Load(int index) {
       container_.Fail(fmt::format("texture {} refers to sampler {}; there are {}", index, texture.sampler,
                                   model_.samplers.size()));
     const tinygltf::Sampler& sampler = model_.samplers[size_t(texture.sampler)];
-    out.wrap_u = Wrap(sampler.wrapS), out.wrap_v = Wrap(sampler.wrapT);
+    out.wrap_u = Wrap(sampler.wrapS);
+    out.wrap_v = Wrap(sampler.wrapT);
     if (sampler.magFilter == TINYGLTF_TEXTURE_FILTER_NEAREST) out.filter = TextureFilter::kNearest;
     out.mipmaps = sampler.minFilter != TINYGLTF_TEXTURE_FILTER_NEAREST &&
                   sampler.minFilter != TINYGLTF_TEXTURE_FILTER_LINEAR;

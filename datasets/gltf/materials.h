@@ -57,8 +57,8 @@ class GltfTextures {
                GltfAccessors& accessors, Scene& scene)
       : model_(model), images_(images), container_(container), accessors_(accessors), scene_(scene) {}
 
-  /// The scene's index of the file's texture; -1, with a note, where it has no image or its file is not
-  /// there.
+  /// The scene's index of the file's texture; -1, with a note, where it has no image or its file is
+  /// not there.
   int32_t Load(int texture);
 
  private:

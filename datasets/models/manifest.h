@@ -1,5 +1,5 @@
-// The manifest of real models (manifest.json, compiled in): what there is, from which package, and how it is
-// shown.
+// The manifest of real models (manifest.json, compiled in): what there is, from which package, and how it
+// is shown.
 #pragma once
 
 #include <array>

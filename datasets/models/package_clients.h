@@ -9,8 +9,8 @@
 
 namespace raybench {
 
-/// Called about ten times a second while a child runs. Throws to end the child (with SIGTERM) and be passed
-/// on.
+/// Called about ten times a second while a child runs. Throws to end the child (with SIGTERM) and be
+/// passed on.
 using WhileRunning = std::function<void()>;
 
 /// "" if all programs that the client needs are in the path, else one line that names the missing one and

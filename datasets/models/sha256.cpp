@@ -29,8 +29,13 @@ class Digest {
     while (size > 0) {
       size_t n = std::min(size, sizeof block_ - filled_);
       std::memcpy(block_ + filled_, data, n);
-      filled_ += n, data += n, size -= n;
-      if (filled_ == sizeof block_) Block(), filled_ = 0;
+      filled_ += n;
+      data += n;
+      size -= n;
+      if (filled_ == sizeof block_) {
+        Block();
+        filled_ = 0;
+      }
     }
   }
 
@@ -63,7 +68,14 @@ class Digest {
       uint32_t t1 =
           h + (Rotate(e, 6) ^ Rotate(e, 11) ^ Rotate(e, 25)) + ((e & f) ^ (~e & g)) + kRound[i] + w[i];
       uint32_t t2 = (Rotate(a, 2) ^ Rotate(a, 13) ^ Rotate(a, 22)) + ((a & b) ^ (a & c) ^ (b & c));
-      h = g, g = f, f = e, e = d + t1, d = c, c = b, b = a, a = t1 + t2;
+      h = g;
+      g = f;
+      f = e;
+      e = d + t1;
+      d = c;
+      c = b;
+      b = a;
+      a = t1 + t2;
     }
     const uint32_t add[8] = {a, b, c, d, e, f, g, h};
     for (size_t i = 0; i < 8; ++i) state_[i] += add[i];

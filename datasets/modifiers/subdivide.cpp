@@ -35,8 +35,7 @@ const rb_param kParams[] = {
              0, 15, 1),
     ChoiceParam("scheme",
                 "loop smooths (Loop 1987), midpoint keeps the surface, sqrt3 smooths in smaller steps "
-                "(Kobbelt 2000), "
-                "butterfly smooths and keeps the vertices (Zorin, Schroeder, Sweldens 1996)",
+                "(Kobbelt 2000), butterfly smooths and keeps the vertices (Zorin, Schroeder, Sweldens 1996)",
                 offsetof(Config, scheme), kSchemes, kLoop),
     BoolParam("weld", "make vertices of equal coordinates one first", offsetof(Config, weld), true),
 };
@@ -221,10 +220,12 @@ Scene Apply(Scene scene, const void* config, const LoadOptions& options) {
     const uint64_t to = place[from]++;
     size_t k = 0;
     for (auto v = mesh.cfv_iter(f); v.is_valid(); ++v) triangles[to][k++] = uint32_t(v->idx());
-    material[to] = scene.triangle_material[from], face[to] = scene.triangle_face[from];
+    material[to] = scene.triangle_material[from];
+    face[to] = scene.triangle_face[from];
   }
   scene.triangles = std::move(triangles);
-  scene.triangle_material = std::move(material), scene.triangle_face = std::move(face);
+  scene.triangle_material = std::move(material);
+  scene.triangle_face = std::move(face);
   scene.positions.resize(mesh.n_vertices());
   for (size_t i = 0; i < scene.positions.size(); ++i) {
     const OpenMesh::Vec3d& p = mesh.point(HalfEdges::VertexHandle(int(i)));
@@ -232,7 +233,9 @@ Scene Apply(Scene scene, const void* config, const LoadOptions& options) {
   }
   if (!scene.normals.empty() || !scene.uvs.empty())
     scene.stats.notes.push_back("subdivide leaves out shading normals and textures");
-  scene.normals.clear(), scene.uvs.clear(), scene.textures.clear();
+  scene.normals.clear();
+  scene.uvs.clear();
+  scene.textures.clear();
   for (Material& m : scene.materials) {
     m.base_color_texture = -1;
     if (m.emission_texture >= 0) m.emission = {0, 0, 0};  // without its picture all of it would glow

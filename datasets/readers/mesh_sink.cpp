@@ -12,8 +12,9 @@ void MeshSink::Expect(uint64_t vertices, uint64_t faces, uint64_t bytes) {
   vertices_ = vertices;
   scene_.positions.reserve(std::min(vertices, bytes) + 2);  // Finish() wants room for two more
   faces = std::min(faces, bytes);
-  scene_.triangles.reserve(faces), scene_.triangle_face.reserve(faces),
-      scene_.triangle_material.reserve(faces);
+  scene_.triangles.reserve(faces);
+  scene_.triangle_face.reserve(faces);
+  scene_.triangle_material.reserve(faces);
 }
 
 void MeshSink::AddFace(std::span<const uint32_t> corners, uint32_t material) {
@@ -53,8 +54,7 @@ void MeshSink::Close() {
   if (scene_.stats.crossed_faces > 0)
     scene_.stats.notes.push_back(
         fmt::format("{} polygons whose outlines cross themselves, such as face {}, are fans of triangles, "
-                    "which may cover "
-                    "more or less than meant",
+                    "which may cover more or less than meant",
                     scene_.stats.crossed_faces, first_crossed_));
 }
 

@@ -26,8 +26,8 @@ struct Statements {
 /// The illumination models of the format, as near as the scene's model comes (MATERIALS.md).
 MtlMaterial ToModel(const Statements& s) {
   const bool refracts = s.illum == 6 || s.illum == 7;
-  // The refracting models weigh what passes by Tf; the others dissolve, without colour and without bending
-  // it.
+  // The refracting models weigh what passes by Tf; the others dissolve, without colour and without
+  // bending it.
   const Vec3f through = refracts && s.tf ? *s.tf : kWhite * (1 - s.opacity);
   const bool transmits = !IsBlack(through);
 
@@ -103,7 +103,9 @@ class MtlReader : TextReader {
     for (std::string_view key; NextStatement(key, words);) {
       if (key == "newmtl") {
         CloseMaterial();
-        name_ = words.Rest(), statements_ = {}, is_open_ = true;
+        name_ = words.Rest();
+        statements_ = {};
+        is_open_ = true;
       } else if (is_open_) {
         Statement(key, words);
       } else {

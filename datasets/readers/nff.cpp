@@ -25,8 +25,7 @@ namespace {
 
 constexpr char kEntities[] =
     "v (camera), b (background), l (light), f (material), s (sphere), c (cone or cylinder), p, pp "
-    "(polygons), "
-    "# (comment)";
+    "(polygons), # (comment)";
 
 /// Gives equal corners the same index. Open addressing, at most half full.
 class VertexTable {
@@ -60,7 +59,10 @@ class VertexTable {
     static_assert(sizeof words == sizeof v);
     std::memcpy(words, &v, sizeof v);
     uint64_t h = 0;
-    for (uint64_t word : words) h = (h ^ word) * 0x9FB21C651E98DF25u, h ^= h >> 32;
+    for (uint64_t word : words) {
+      h = (h ^ word) * 0x9FB21C651E98DF25u;
+      h ^= h >> 32;
+    }
     for (size_t i = h;; ++i) {
       uint32_t& slot = slots_[i & (slots_.size() - 1)];
       if (slot == RAYBENCH_NONE) return slot;
@@ -222,7 +224,8 @@ class NffReader : TextReader {
     if (!options_.drop_bad)
       if (const std::string flaw = Flaw(prim); !flaw.empty())
         FailHere(fmt::format("the {} {}{}", kind, flaw, kOrDropBad));
-    prims.push_back(prim), material.push_back(CurrentMaterial());
+    prims.push_back(prim);
+    material.push_back(CurrentMaterial());
   }
 
   /// The material in force, made on first use where the file names none.
@@ -271,7 +274,9 @@ class NffReader : TextReader {
       const float x = Finite(key, "x"), y = Finite(key, "y"), z = Finite(key, "z");
       return Vec3f{x, y, z};
     };
-    camera.eye = vector("from"), camera.at = vector("at"), camera.up = vector("up");
+    camera.eye = vector("from");
+    camera.at = vector("at");
+    camera.up = vector("up");
     const Vec3d side = Cross(ToDouble(camera.at) - ToDouble(camera.eye), ToDouble(camera.up));
     if (!(Dot(side, side) > 0))
       FailHere("the camera looks nowhere: 'at' is 'from', or 'up' lies along the view");

@@ -58,7 +58,8 @@ class ObjReader : MeshReader {
     std::string_view line;
     for (Lines lines(text_); lines.Next(line);) {
       const std::string_view key = Words(line).Next();
-      vertices += key == "v", faces += IsFace(key);
+      vertices += key == "v";
+      faces += IsFace(key);
     }
     if (int64_t(vertices) > kMaxCount)
       Fail(fmt::format("has {} vertices; {} are allowed", vertices, kMaxCount));
@@ -130,7 +131,8 @@ class ObjReader : MeshReader {
   }
 
   void Face(Words& words) {
-    corners_.clear(), corner_looks_.clear();
+    corners_.clear();
+    corner_looks_.clear();
     bool has_looks = false;
     for (std::string_view word = words.Next(); !word.empty() && !word.starts_with('#'); word = words.Next()) {
       int64_t index = 0;

@@ -30,7 +30,8 @@ class VertexSplitter {
     const auto [it, is_new] = split_.try_emplace(c, uint32_t(positions_.size()));
     if (is_new) {
       const Vec3f position = positions_[c.vertex];
-      positions_.push_back(position), looks_.push_back(look);
+      positions_.push_back(position);
+      looks_.push_back(look);
     }
     return it->second;
   }
@@ -41,7 +42,10 @@ class VertexSplitter {
   struct Hash {
     size_t operator()(const ObjCorner& c) const {
       uint64_t h = 0;
-      for (uint64_t word : {c.vertex, c.uv, c.normal}) h = (h ^ word) * 0x9FB21C651E98DF25u, h ^= h >> 32;
+      for (uint64_t word : {c.vertex, c.uv, c.normal}) {
+        h = (h ^ word) * 0x9FB21C651E98DF25u;
+        h ^= h >> 32;
+      }
       return h;
     }
   };
@@ -87,7 +91,8 @@ void ObjCorners::Apply(Scene& scene, bool keep_unread) {
   uint64_t beyond = 0, bare = 0;
   const auto check = [&](uint32_t& index, size_t count) {
     if (index == kNone || index < count) return;
-    index = kNone, ++beyond;
+    index = kNone;
+    ++beyond;
   };
   const size_t vertices = scene.positions.size();
   VertexSplitter splitter(scene.positions);
@@ -102,7 +107,8 @@ void ObjCorners::Apply(Scene& scene, bool keep_unread) {
     for (size_t k = 0; k < 3; ++k) {
       ObjCorner& c = corners[k] = find(scene.triangle_face[i], t[k]);
       if (!is_textured && !keep_unread) c.uv = kNone;
-      check(c.uv, uvs.size()), check(c.normal, normals.size());
+      check(c.uv, uvs.size());
+      check(c.normal, normals.size());
       if (c.normal != kNone) normal[k] = normals[c.normal];
     }
     const Vec3d a = ToDouble(scene.positions[t[0]]);

@@ -1,8 +1,8 @@
 // PLY, the Polygon File Format (Turk 1994): ASCII, binary little-endian and binary big-endian.
 //
-// The header describes the elements, which may come in any order and have any properties. What matters here
-// is x, y and z of `vertex`, the list vertex_indices of `face` and that of `tristrips`; everything else is
-// skipped.
+// The header describes the elements, which may come in any order and have any properties. What matters
+// here is x, y and z of `vertex`, the list vertex_indices of `face` and that of `tristrips`; everything
+// else is skipped.
 
 #include <fmt/format.h>
 
@@ -137,7 +137,10 @@ class PlyReader : MeshReader {
     if (end == text_.npos || end + is_turned >= text_.size()) return;
     for (size_t i = first; i <= end; ++i) {
       if (text_[i] != end_mark) continue;
-      if (is_turned && text_[i + 1] == '\r') std::swap(text_[i], text_[i + 1]), ++i;
+      if (is_turned && text_[i + 1] == '\r') {
+        std::swap(text_[i], text_[i + 1]);
+        ++i;
+      }
       if (is_single) text_[i] = '\n';
     }
   }
@@ -342,7 +345,10 @@ class PlyReader : MeshReader {
         const char* values = Bytes(uint64_t(count) * size, element);
         if (p.role != Role::kCorners) continue;
         corners_.resize(size_t(count));
-        for (int64_t& corner : corners_) corner = int64_t(Decode(values, p.type, swap_)), values += size;
+        for (int64_t& corner : corners_) {
+          corner = int64_t(Decode(values, p.type, swap_));
+          values += size;
+        }
       } else {
         const char* bytes = Bytes(size, element);
         if (p.role == Role::kNone) continue;

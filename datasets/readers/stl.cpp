@@ -206,7 +206,8 @@ void DropBadFacets(Scene& scene) {
     scene.triangle_face[kept++] = uint32_t(i);
   }
   scene.stats.dropped_triangles += scene.triangles.size() - kept;
-  scene.positions.resize(3 * kept), scene.triangle_face.resize(kept);
+  scene.positions.resize(3 * kept);
+  scene.triangle_face.resize(kept);
 }
 
 /// Makes one vertex of equal corners, numbered by their first occurrence.

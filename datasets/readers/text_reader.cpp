@@ -18,7 +18,8 @@ std::string TextReader::Where() const { return fmt::format("line {}", lines_.num
 
 bool TextReader::NextStatement(std::string_view& key, Words& words) {
   for (std::string_view line; lines_.Next(line);) {
-    words = Words(line), key = words.Next();
+    words = Words(line);
+    key = words.Next();
     if (!key.empty() && !key.starts_with('#')) return true;
   }
   return false;

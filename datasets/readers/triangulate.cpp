@@ -3,8 +3,8 @@
 // What makes a cut right is simple. Whatever n - 2 triangles a polygon is cut into along chords, at each
 // point of the plane the triangles around it, those turning the other way counted negative, add up to the
 // winding number of the outline. So if no triangle turns the other way, a polygon that does not cross itself
-// is covered once, and nothing else is. This is what is checked; finding ears by emptiness only serves to get
-// there.
+// is covered once, and nothing else is. This is what is checked; finding ears by emptiness only serves to
+// get there.
 
 #include "datasets/readers/triangulate.h"
 
@@ -77,8 +77,13 @@ class EarClipper {
 
   bool Clip() {
     triangles_.clear();
-    previous_.resize(n_), next_.resize(n_), turn_.resize(n_);
-    for (uint32_t v = 0; v < n_; ++v) previous_[v] = (v + n_ - 1) % n_, next_[v] = (v + 1) % n_;
+    previous_.resize(n_);
+    next_.resize(n_);
+    turn_.resize(n_);
+    for (uint32_t v = 0; v < n_; ++v) {
+      previous_[v] = (v + n_ - 1) % n_;
+      next_[v] = (v + 1) % n_;
+    }
     for (uint32_t v = 0; v < n_; ++v) {
       turn_[v] = Turn(previous_[v], v, next_[v]);
       if (turn_[v] <= 0) not_convex_.push_back(v);
@@ -86,7 +91,10 @@ class EarClipper {
     uint32_t v = 0;
     for (uint32_t left = n_; left > 3; --left) {
       uint32_t tried = 0;
-      while (tried < left && tests_ <= kMaxTests && !IsEar(v)) v = next_[v], ++tried;
+      while (tried < left && tests_ <= kMaxTests && !IsEar(v)) {
+        v = next_[v];
+        ++tried;
+      }
       if (tests_ > kMaxTests) return false;
       // A corner in the middle of an edge, or at the end of an edge there and back, encloses nothing.
       if (tried == left)
@@ -102,7 +110,8 @@ class EarClipper {
   /// Returns the corner after the next one: taking turns makes better triangles than a fan.
   uint32_t Remove(uint32_t v) {
     const uint32_t a = previous_[v], c = next_[v];
-    next_[a] = c, previous_[c] = a;
+    next_[a] = c;
+    previous_[c] = a;
     turn_[v] = 1;
     for (uint32_t u : {a, c}) {
       const bool was_convex = turn_[u] > 0;

@@ -19,7 +19,9 @@ Spread SpreadOf(std::vector<double>& values) {
     std::nth_element(values.begin(), place, values.end());
     return *place;
   };
-  spread.percent1 = at(1), spread.median = at(50), spread.percent99 = at(99);
+  spread.percent1 = at(1);
+  spread.median = at(50);
+  spread.percent99 = at(99);
   return spread;
 }
 
@@ -53,12 +55,15 @@ void MeasureTriangles(const Scene& scene, SceneFacts& facts) {
                 c = ToDouble(scene.positions[r]);
     const double twice = Length(Cross(b - a, c - a));
     const double longest = std::max({Dot(b - a, b - a), Dot(c - a, c - a), Dot(c - b, c - b)});
-    area[i] = twice / 2, aspect[i] = longest / twice;
+    area[i] = twice / 2;
+    aspect[i] = longest / twice;
     const Vec3f size = Max(Max(scene.positions[p], scene.positions[q]), scene.positions[r]) -
                        Min(Min(scene.positions[p], scene.positions[q]), scene.positions[r]);
     extent[i] = std::max({size.x, size.y, size.z});
   });
-  facts.area = SpreadOf(area), facts.aspect = SpreadOf(aspect), facts.extent = SpreadOf(extent);
+  facts.area = SpreadOf(area);
+  facts.aspect = SpreadOf(aspect);
+  facts.extent = SpreadOf(extent);
 }
 
 double SmallestFeatureUlp(const Scene& scene) {
@@ -76,15 +81,19 @@ double SmallestFeatureUlp(const Scene& scene) {
   const auto edge = [&](uint32_t a, uint32_t b) {
     look(Length(ToDouble(scene.positions[a]) - ToDouble(scene.positions[b])));
   };
-  for (const std::array<uint32_t, 3>& t : scene.triangles)
-    edge(t[0], t[1]), edge(t[1], t[2]), edge(t[2], t[0]);
+  for (const std::array<uint32_t, 3>& t : scene.triangles) {
+    edge(t[0], t[1]);
+    edge(t[1], t[2]);
+    edge(t[2], t[0]);
+  }
   for (const Polygon& polygon : scene.polygons) {
     const std::span<const uint32_t> corners = scene.CornersOf(polygon);
     for (size_t i = 0; i < corners.size(); ++i) edge(corners[i], corners[(i + 1) % corners.size()]);
   }
   for (const Sphere& s : scene.spheres) look(std::abs(s.radius));
   for (const Cone& c : scene.cones) {
-    look(std::abs(c.base_radius)), look(std::abs(c.apex_radius));
+    look(std::abs(c.base_radius));
+    look(std::abs(c.apex_radius));
     look(Length(ToDouble(c.apex) - ToDouble(c.base)));
   }
   return smallest == kNone ? 0 : std::ldexp(smallest, 23 - std::ilogb(reach));

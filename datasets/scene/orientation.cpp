@@ -1,6 +1,6 @@
-// Error-free transformations (Dekker 1971, Knuth 1969) and expansions (Shewchuk 1997). Differences of floats
-// and products of two such differences lie between 2^-298 and 2^260, so nothing over- or underflows in
-// double.
+// Error-free transformations (Dekker 1971, Knuth 1969) and expansions (Shewchuk 1997). Differences of
+// floats and products of two such differences lie between 2^-298 and 2^260, so nothing over- or underflows
+// in double.
 
 #include "datasets/scene/orientation.h"
 
@@ -30,7 +30,8 @@ class Expansion {
   void Add(double term) {
     for (int i = 0; i < size_; ++i) {
       TwoTerms t = TwoSum(term, parts_[i]);
-      parts_[i] = t.low, term = t.high;
+      parts_[i] = t.low;
+      term = t.high;
     }
     parts_[size_++] = term;
   }
@@ -38,7 +39,8 @@ class Expansion {
     for (double x : {a.high, a.low})
       for (double y : {b.high, b.low}) {
         TwoTerms p = TwoProduct(x, y);
-        Add(sign * p.high), Add(sign * p.low);
+        Add(sign * p.high);
+        Add(sign * p.low);
       }
   }
   int Sign() const {

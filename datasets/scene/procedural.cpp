@@ -137,7 +137,8 @@ bool Intersect(const Cone& cone, const rb_ray& ray, float& t) {
     const double beyond = std::fabs(s0 + root * s1) - 0.5;
     const double size = Dot(from, from) + frame.square + frame.mean * frame.mean;
     if (!(beyond <= 0) && !(beyond * beyond * frame.square <= 0x1p-96 * size)) return;
-    t = candidate, found = true;
+    t = candidate;
+    found = true;
   };
   // A root of a t^2 + 2 b t + c leaves the cone if a t + b > 0; at sum / a that is a root of the sign of -b.
   take(sum / a, std::signbit(b));
@@ -174,7 +175,9 @@ PolygonPlane PlaneOf(std::span<const Vec3f> positions, std::span<const uint32_t>
   Vec3f lo{kInfinity, kInfinity, kInfinity}, hi = -lo;
   for (uint32_t v : corners) {
     const Vec3f p = positions[v] + Vec3f{0, 0, 0};  // -0 becomes +0
-    sum = sum + ToDouble(p), lo = Min(lo, p), hi = Max(hi, p);
+    sum = sum + ToDouble(p);
+    lo = Min(lo, p);
+    hi = Max(hi, p);
   }
   PolygonPlane plane;
   plane.center = sum * (1 / double(corners.size()));
@@ -210,7 +213,8 @@ bool Intersect(const PolygonPlane& plane, std::span<const Vec3f> positions, std:
   double zmin = kInfinity, zmax = -kInfinity;
   const auto sheared = [&](uint32_t v) {
     const Vec3d p = shear.Point(positions[v]);
-    zmin = std::min(zmin, p.z), zmax = std::max(zmax, p.z);
+    zmin = std::min(zmin, p.z);
+    zmax = std::max(zmax, p.z);
     return p;
   };
   Vec3d a = sheared(corners.back());

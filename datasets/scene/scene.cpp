@@ -1,5 +1,5 @@
-// How a scene gets into the state that the plugin contract promises: finite, in range, no degenerate
-// triangle.
+// How a scene gets into the state that the plugin contract promises: finite, in range, no
+// degenerate triangle.
 
 #include "datasets/scene/scene.h"
 
@@ -74,7 +74,8 @@ Camera AutomaticCamera(const Bounds3& bounds) {
   Camera camera;
   camera.tan_half_fov = 0.41421356f;  // 45 degrees
   if (bounds.Empty()) {
-    camera.eye = {0, 0, 3}, camera.at = {0, 0, 0};
+    camera.eye = {0, 0, 3};
+    camera.at = {0, 0, 0};
     return camera;
   }
   Vec3d lo = ToDouble(bounds.lo), hi = ToDouble(bounds.hi), center = (lo + hi) * 0.5;
@@ -89,18 +90,22 @@ Camera AutomaticCamera(const Bounds3& bounds) {
   distance *= 1.03;
   camera.at = ToFloat(center);
   // Far from the origin a small scene's distance may vanish in rounding.
-  do camera.eye = ToFloat(center + back * distance), distance *= 2;
-  while (camera.eye == camera.at);
+  do {
+    camera.eye = ToFloat(center + back * distance);
+    distance *= 2;
+  } while (camera.eye == camera.at);
   return camera;
 }
 
-/// A key light over the camera's left shoulder and a weaker fill light from its right, both outside the
-/// bounds.
+/// A key light over the camera's left shoulder and a weaker fill light from its right, both outside
+/// the bounds.
 std::vector<Light> AutomaticLights(const Bounds3& bounds, const Camera& camera) {
   Vec3d at = ToDouble(camera.at), back = ToDouble(camera.eye) - at;
   Vec3d up = ToDouble(camera.up), side = Cross(up, back);
   if (Dot(side, side) == 0) side = Cross(Vec3d{0.6, 0, 0.8}, back);
-  side = Normalize(side), back = Normalize(back), up = Cross(back, side);
+  side = Normalize(side);
+  back = Normalize(back);
+  up = Cross(back, side);
   double radius = 1;
   if (!bounds.Empty()) {
     at = (ToDouble(bounds.lo) + ToDouble(bounds.hi)) * 0.5;
@@ -142,10 +147,12 @@ uint64_t KeepSound(std::vector<Prim>& prims, std::vector<uint32_t>& material, co
       if (!drop_bad) fail(fmt::format("{} {} {}{}", kind, i, what, kOrDropBad));
       continue;
     }
-    prims[kept] = prims[i], material[kept++] = material[i];
+    prims[kept] = prims[i];
+    material[kept++] = material[i];
   }
   const uint64_t dropped = prims.size() - kept;
-  prims.resize(kept), material.resize(kept);
+  prims.resize(kept);
+  material.resize(kept);
   return dropped;
 }
 
@@ -196,7 +203,7 @@ void Scene::Finish(bool drop_bad) {
     fail(fmt::format("{} vertices and {} primitives; fewer than {} of each are allowed", positions.size(),
                      primitive_count(), RAYBENCH_NONE));
 
-  // Before anything is left out or rescaled: so that whoever hands the geometry over can compute the same.
+  // Before anything is left out or rescaled: so that the geometry's program can compute the same.
   if (!has_hash_) TakeHash();
   has_hash_ = false;
 
@@ -236,7 +243,9 @@ void Scene::Finish(bool drop_bad) {
       triangle_material[kept] = triangle_material[i];
       triangle_face[kept++] = triangle_face[i];
     }
-    triangles.resize(kept), triangle_material.resize(kept), triangle_face.resize(kept);
+    triangles.resize(kept);
+    triangle_material.resize(kept);
+    triangle_face.resize(kept);
   };
   keep_triangles([&](size_t i) { return state[i] == 0; });
 
@@ -245,7 +254,10 @@ void Scene::Finish(bool drop_bad) {
   auto finite_or_zero = [&](auto& items, const auto& is_finite, const char* what) {
     size_t bad = 0;
     for (auto& item : items)
-      if (!is_finite(item)) item = {}, ++bad;
+      if (!is_finite(item)) {
+        item = {};
+        ++bad;
+      }
     if (bad > 0) stats.notes.push_back(fmt::format("{} {} are not finite and count as 0", bad, what));
   };
   finite_or_zero(
@@ -315,8 +327,12 @@ void Scene::Finish(bool drop_bad) {
           prims, material, kind, materials.size(), drop_bad,
           [&](auto& prim) { return Rescale(prim, exponent) ? std::string() : "is " + too_small; }, fail);
     };
-    rescale_all(spheres, sphere_material, "sphere"), rescale_all(cones, cone_material, "cone");
-    for (Camera& c : cameras) c.eye = Saturated(c.eye, exponent), c.at = Saturated(c.at, exponent);
+    rescale_all(spheres, sphere_material, "sphere");
+    rescale_all(cones, cone_material, "cone");
+    for (Camera& c : cameras) {
+      c.eye = Saturated(c.eye, exponent);
+      c.at = Saturated(c.at, exponent);
+    }
     for (Light& l : lights) {
       l.position = Saturated(l.position, exponent);
       if (l.falloff) l.intensity = Saturated(l.intensity, 2 * exponent);
@@ -395,10 +411,12 @@ void Scene::FinishProcedurals(bool drop_bad) {
   size_t kept = 0;
   for (size_t i = 0; i < polygons.size(); ++i) {
     if (PlaneOf(positions, CornersOf(polygons[i])).normal == Vec3d{0, 0, 0}) continue;
-    polygons[kept] = polygons[i], polygon_material[kept++] = polygon_material[i];
+    polygons[kept] = polygons[i];
+    polygon_material[kept++] = polygon_material[i];
   }
   stats.degenerate_triangles += polygons.size() - kept;
-  polygons.resize(kept), polygon_material.resize(kept);
+  polygons.resize(kept);
+  polygon_material.resize(kept);
 }
 
 rb_geometry Scene::Geometry() const {
@@ -413,7 +431,10 @@ rb_geometry Scene::Geometry() const {
   g.procedural_count = procedural_count();
   g.procedural_bounds = [](const void* user, uint64_t i, float lo[3], float hi[3]) {
     const Bounds3 bounds = static_cast<const Scene*>(user)->ProceduralBounds(i);
-    for (int k = 0; k < 3; ++k) lo[k] = bounds.lo[k], hi[k] = bounds.hi[k];
+    for (int k = 0; k < 3; ++k) {
+      lo[k] = bounds.lo[k];
+      hi[k] = bounds.hi[k];
+    }
   };
   g.procedural_intersect = [](const void* user, uint64_t i, uint32_t /*numerics*/, const rb_ray* ray,
                               rb_hit* hit) -> int {

@@ -84,8 +84,8 @@ struct LoadStats {
   uint64_t faces = 0;  ///< polygons in the file, before triangulation
   /// Exactly collinear triangles (exact predicate) and polygons without area, left out.
   uint64_t degenerate_triangles = 0;
-  /// Primitives that are not finite, refer to no vertex or have no size, left out because the caller asked
-  /// to.
+  /// Primitives that are not finite, refer to no vertex or have no size, left out because the caller
+  /// asked to.
   uint64_t dropped_triangles = 0;
   uint64_t crossed_faces = 0;      ///< polygons that cross themselves: fans, which need not cover them
   uint64_t instances = 0;          ///< mesh nodes flattened

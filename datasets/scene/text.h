@@ -81,7 +81,8 @@ class Lines {
     const size_t end = std::min(text_.find('\n', next_), text_.size());
     line = text_.substr(next_, end - next_);
     is_unended_ = end == text_.size();
-    next_ = end + 1, ++number_;
+    next_ = end + 1;
+    ++number_;
     return true;
   }
   uint64_t number() const { return number_; }                      ///< of the last line

@@ -8,7 +8,7 @@ namespace raybench {
 
 using Json = nlohmann::ordered_json;
 
-/// A whole file. Text that comes from files and plugins need not be UTF-8; what is not is replaced.
+/// A whole file. Text from files and plugins need not be UTF-8; invalid bytes are replaced.
 inline std::string Dump(const Json& json) {
   return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
 }

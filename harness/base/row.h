@@ -32,7 +32,7 @@ struct ColumnOf {
   const char* name;
 };
 
-/// What is not set is not available: an empty field.
+/// A value that is not set is not available: an empty field.
 class Row {
  public:
   /// Takes a value of the column's type, or an optional one (nullopt: not available).

@@ -15,7 +15,7 @@ namespace {
 constexpr const char* kExamples = R"help(
 Examples:
   raybench run                          the main job: a real model and two procedural scenes
-  raybench run --quick                  the same with few rays, within a minute
+  raybench run --quick                  the same with fewer rays, in less than a minute
   raybench run model.glb --structures "bvh_sah,bvh_sah(numerics=fast),embree" --out results/mine
   raybench run "sphereflake(depth=5)" --rays 1M --threads 1,2 --seed 7
   raybench run model.obj --plugin ./libmine.so --structures mine,bvh_sah
@@ -25,14 +25,14 @@ Examples:
   raybench rays record model.obj -o model_rays
   raybench run model.obj --rays model_rays
   raybench render engine -o engine.png --size 1280x720
-  raybench list structures              parameters with ranges and defaults
-  raybench fetch engine                 get a real model
-  raybench extremes --quick             where answers begin to fail: far away, slivers, copies, ...
-  raybench spd                          count the rays of published scenes beside published figures
-  raybench report results/mine          draw the plots
-Truth is kept beside fetched models, in RAYBENCH_CACHE or else ~/.cache/raybench, for the next run;
-RAYBENCH_TRUTH_CACHE=off asks anew.
-Exit codes: 0 fine; 1 a claim was broken; 2 wrong input; 3 inconclusive; 130 interrupted.)help";
+  raybench list structures              all structures; list structure NAME shows parameters
+  raybench fetch engine                 fetch a real model
+  raybench extremes --quick             find where answers begin to fail: far away, slivers, copies, ...
+  raybench spd                          compare ray counts with published ones
+  raybench report results/mine          draw the plots again
+Computed truth is stored beside fetched models, in RAYBENCH_CACHE or else ~/.cache/raybench, for the next
+run. RAYBENCH_TRUTH_CACHE=off turns that off.
+Exit codes: 0 success; 1 a broken claim; 2 wrong input; 3 inconclusive; 130 interrupted.)help";
 
 /// The command that was typed, down to the last word that is one.
 const CLI::App& LastCommand(const CLI::App& app) {
@@ -50,7 +50,7 @@ std::string Typed(const CLI::App& app) {
   return words;
 }
 
-/// What the first word that nothing took may have been meant for.
+/// Suggests what the first unknown word may have been meant to be.
 std::string Meant(const CLI::App& app) {
   const std::vector<std::string> left = app.remaining(true);
   if (left.empty()) return {};

@@ -9,15 +9,15 @@
 namespace raybench {
 
 const char* const kGoals = R"help(
-I have a model: which structure is fastest on it, and which are right?
+I have a model. Which structure is fastest on it, and which ones are right?
   raybench run MODEL.glb --out DIR
-I have rays, recorded by my own renderer (tracer/rays/RAYS.md):
+I have rays that my own renderer recorded (tracer/rays/RAYS.md). Which structure is fastest on them?
   raybench run MODEL.ply --rays RAYS
-I have a structure: does it lose rays, and how fast is it?
+I have a structure. Does it lose rays, and how fast is it?
   raybench check-plugin ./MINE.so
   raybench verify MODEL.glb --plugin ./MINE.so --structures MINE
   raybench run MODEL.glb --plugin ./MINE.so --structures MINE,bvh_sah,embree
-I want a figure for my paper: DIR/plots holds PNG and SVG; drawn again, from the same results, by
+I want a figure for my paper. Every run draws some (DIR/plots, PNG and SVG). How do I draw them again?
   raybench report DIR
 )help";
 
@@ -70,7 +70,7 @@ RayWords ReadRayWords(const std::vector<std::string>& words) {
     std::error_code error;
     if (const std::optional<uint64_t> number = ParseWholeNumber(word, Units::kSizes)) {
       if (*number < 64 || *number > uint64_t{1} << 28)
-        throw InputError(fmt::format("--rays {}: a number of rays lies between 64 and 2^28", word));
+        throw InputError(fmt::format("--rays {}: the number of rays must be between 64 and 2^28", word));
       rays.number = *number;
     } else if (std::filesystem::exists(word, error)) {
       rays.files.push_back(word);

@@ -16,7 +16,7 @@ namespace raybench {
 /// What was typed, and what came of reading it.
 struct Invocation {
   std::vector<std::string> arguments;        ///< the whole command line, for run.json
-  std::vector<std::string> benchmark_flags;  ///< "--benchmark_...": set aside, `run` alone takes them
+  std::vector<std::string> benchmark_flags;  ///< "--benchmark_...": set aside; only `run` takes them
   std::vector<std::string> plugins;          ///< --plugin; loaded before `action` runs
   /// Set by the command that was named, while the command line is read; returns the exit code.
   std::function<int(const Registry&)> action;
@@ -49,7 +49,7 @@ CLI::Validator WholeNumber(uint64_t lo = 0, uint64_t hi = UINT64_MAX, Units unit
 /// The same for a decimal number within [lo, hi]; NaN is none.
 CLI::Validator RealNumber(double lo, double hi);
 
-/// The ways to a user's goal, a line each: for raybench --help and raybench run --help, and in README.
+/// The user's goals with the commands for each: in raybench --help, raybench run --help and README.
 extern const char* const kGoals;
 
 /// What the words of --rays say.
@@ -58,8 +58,8 @@ struct RayWords {
   std::vector<std::string> files;  ///< .rays files or folders of them
 };
 
-/// Each word is a number of rays ("64K", 64 to 2^28) or a file or folder that is there; what reads as a
-/// number names no file, and the file "64" is reached as ./64. Throws InputError.
+/// Each word is a number of rays ("64K", 64 to 2^28) or an existing file or folder. A word that reads as a
+/// number is one; a file called "64" must be given as ./64. Throws InputError.
 RayWords ReadRayWords(const std::vector<std::string>& words);
 
 /// A command whose options are a T, made here and kept by `act`: calls add(command, options) once, and

@@ -35,29 +35,29 @@ void AddOptions(CLI::App& command, ExtremesArguments& arguments) {
       ->type_name("A,B");
   command
       .add_option("--structures", arguments.structures,
-                  "Such as bvh_sah,embree(robust=true); default: one of each family, at each of its "
+                  "Such as bvh_sah,embree(robust=true); default: one of each family, with each of its "
                   "numerics; all: every one")
       ->type_name("A,B(X=1)");
-  command.add_option("--rays", options.rays, "Rays at a point; default 2K, quick 256")
+  command.add_option("--rays", options.rays, "Rays per point; default 2K, quick 256")
       ->transform(WholeNumber(uint64_t{64}, uint64_t{1} << 24, Units::kSizes))
       ->type_name("N");
   command.add_option("--seed", options.seed, "Seed of everything random; default 1")
       ->transform(WholeNumber())
       ->type_name("N");
-  command.add_flag("--quick", options.quick, "Every second point and fewer rays: two minutes");
+  command.add_flag("--quick", options.quick, "Every second point and fewer rays: about two minutes");
   command.add_option("--out", options.out, "Result folder; default: results/extremes-<UTC time>")
       ->type_name("DIR");
-  command.add_flag("--list", arguments.list, "Say what suites there are");
+  command.add_flag("--list", arguments.list, "List the suites");
   command.add_flag("--no-report", arguments.no_report, "Draw no plots");
   command.footer(
-      "reports/EXTREMES.md reads the plots. Exit code 1: a claim was broken inside of a suite's range.");
+      "reports/EXTREMES.md explains the plots. Exit code 1: a claim was broken inside a suite's range.");
 }
 
 }  // namespace
 
 void AddExtremesCommand(CLI::App& app, Invocation& invocation) {
   AddCommand<ExtremesArguments>(app, invocation, "extremes",
-                                "Find where answers begin to fail, by ever worse input", AddOptions,
+                                "Find where answers begin to fail as the input gets worse", AddOptions,
                                 [&invocation](ExtremesArguments& arguments, const Registry& registry) {
                                   if (arguments.list) return ListSuites();
                                   extremes::Options& options = arguments.options;

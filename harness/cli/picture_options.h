@@ -12,7 +12,7 @@
 
 namespace raybench {
 
-/// As typed; what was not given has no value.
+/// As typed; an option that was not given has no value.
 struct PictureOptions {
   std::optional<uint32_t> samples;
   std::optional<std::string> pattern, filter, self_intersection, fresnel, background, environment;

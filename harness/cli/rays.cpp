@@ -67,7 +67,7 @@ int RecordCommand(const Registry& registry, const RecordOptions& options) {
   return 0;
 }
 
-/// What a look at the rays tells without their scene.
+/// What the rays tell without their scene.
 struct RayStatistics {
   uint64_t invalid = 0, empty = 0, axis_parallel = 0, finite = 0, offset = 0;
   Bounds3 origins;
@@ -121,20 +121,20 @@ void AddRecordOptions(CLI::App& command, RecordOptions& record) {
   command.add_option("scene", record.scene, "File, generator or fetched model")
       ->required()
       ->type_name("SCENE");
-  command.add_option("-o,--out", record.out, "Folder for LABEL.rays files; made where there is none")
+  command.add_option("-o,--out", record.out, "Folder for LABEL.rays files; created if it does not exist")
       ->required()
       ->type_name("DIR");
-  command.add_option("--sets", record.sets, "Such as camera,shadow.0; default all")
+  command.add_option("--sets", record.sets, "Ray sets to record, such as camera,shadow.0; default all")
       ->delimiter(',')
       ->allow_extra_args(false)
       ->type_name("A,B");
-  command.add_option("--rays", record.rays, "Rays of a set, at most; default 1M = 2^20")
+  command.add_option("--rays", record.rays, "Rays per set, at most; default 1M = 2^20")
       ->transform(WholeNumber(uint64_t{64}, uint64_t{1} << 28, Units::kSizes))
       ->type_name("N");
   command.add_option("--depth", record.depth, "Bounces of the picture whose rays are recorded; default 2")
       ->transform(WholeNumber(0, 64))
       ->type_name("N");
-  command.add_flag("--shuffled", record.shuffled, "Write a shuffled twin of each traced set too");
+  command.add_flag("--shuffled", record.shuffled, "Also write a shuffled copy of each traced set");
   command.add_option("--seed", record.seed, "Seed of everything random; default 1")
       ->transform(WholeNumber())
       ->type_name("N");
@@ -148,19 +148,19 @@ void AddRecordOptions(CLI::App& command, RecordOptions& record) {
 }  // namespace
 
 void AddRaysCommand(CLI::App& app, Invocation& invocation) {
-  CLI::App& rays = *app.add_subcommand("rays", "Record ray sets as .rays files, look at them");
+  CLI::App& rays = *app.add_subcommand("rays", "Record ray sets as .rays files, or inspect such files");
   rays.fallthrough();
   rays.require_subcommand(0, 1);
   rays.callback([&rays] {
     if (rays.get_subcommands().empty())
-      throw InputError("raybench rays: say record or info; see raybench rays --help");
+      throw InputError("raybench rays: add record or info; see raybench rays --help");
   });
   AddCommand<RecordOptions>(rays, invocation, "record", "Capture the ray sets of a scene as files",
                             AddRecordOptions, [](const RecordOptions& options, const Registry& registry) {
                               return RecordCommand(registry, options);
                             });
   AddCommand<InfoOptions>(
-      rays, invocation, "info", "Verify .rays files and show what is in them",
+      rays, invocation, "info", "Verify .rays files and show their contents",
       [](CLI::App& command, InfoOptions& options) {
         command.add_option("files", options.files, ".rays files, or folders of them")
             ->required()

@@ -44,7 +44,8 @@ void ParseSize(const std::string& text, RenderOptions& options) {
   const uint64_t width = side(text.substr(0, by)), height = by == text.npos ? 0 : side(text.substr(by + 1));
   if (width < 1 || height < 1 || width > 16384 || height > 16384)
     throw InputError(fmt::format("--size {}: write WIDTHxHEIGHT, each 1 to 16384", text));
-  options.width = uint32_t(width), options.height = uint32_t(height);
+  options.width = uint32_t(width);
+  options.height = uint32_t(height);
 }
 
 /// Before any work: that the file, and pictures at all, can be written.
@@ -67,7 +68,8 @@ RenderHeatOptions HeatOptionsOf(const Registry& registry, const RenderOptions& o
   heat.scale = options.heat_scale;
   heat.contestants = HeatContestants(
       registry, options.heat_structures ? SplitSpecs(*options.heat_structures) : std::vector<std::string>());
-  heat.width = options.width, heat.height = options.height;
+  heat.width = options.width;
+  heat.height = options.height;
   heat.depth = options.depth;
   heat.threads = options.threads;
   heat.seed = options.seed;
@@ -80,7 +82,8 @@ int RenderCommand(const Registry& registry, const RenderOptions& options) {
   std::optional<RenderHeatOptions> heat;
   if (options.heat) heat = HeatOptionsOf(registry, options);
   TraceOptions trace;
-  trace.width = options.width, trace.height = options.height;
+  trace.width = options.width;
+  trace.height = options.height;
   trace.max_depth = options.depth;
   trace.threads = options.threads;
   SetTraceOptions(options.picture, trace);
@@ -104,7 +107,10 @@ int RenderCommand(const Registry& registry, const RenderOptions& options) {
   const Tree tree(contestant, geometry, build);
   const double build_seconds = build_watch.Elapsed().wall;
   Progress progress;
-  trace.progress = [&](double fraction) { ThrowIfInterrupted(), progress.Update(fraction, "rendering"); };
+  trace.progress = [&](double fraction) {
+    ThrowIfInterrupted();
+    progress.Update(fraction, "rendering");
+  };
   const Stopwatch trace_watch(true);
   const TraceResult result = Trace(scene, tree, trace);
   const double trace_seconds = trace_watch.Elapsed().wall;
@@ -126,17 +132,22 @@ int RenderCommand(const Registry& registry, const RenderOptions& options) {
 
 void AddRenderCommand(CLI::App& app, Invocation& invocation) {
   AddCommand<RenderOptions>(
-      app, invocation, "render", "Render one picture, or what traversal costs per pixel",
+      app, invocation, "render", "Render one picture, or a heat map of the cost of traversal",
       [](CLI::App& command, RenderOptions& render) {
-        command.add_option("scene", render.scene, "What to render")->required()->type_name("SCENE");
-        CLI::Option* structure =
-            command.add_option("--structure", render.structure, "What answers the rays; default bvh_sah")
-                ->type_name("A(X=1)");
+        command.add_option("scene", render.scene, "File, generator or fetched model")
+            ->required()
+            ->type_name("SCENE");
+        CLI::Option* structure = command
+                                     .add_option("--structure", render.structure,
+                                                 "Structure that traces the rays; default bvh_sah")
+                                     ->type_name("A(X=1)");
         command.add_option("-o,--out", render.out, "Picture to write, .png or .exr")
             ->required()
             ->type_name("FILE");
-        command.add_option("--size", render.size, "Pixels; default 512x512")->type_name("WxH");
-        command.add_option("--depth", render.depth, "Reflections and refractions in a row; default 4")
+        command.add_option("--size", render.size, "Size in pixels; default 512x512")->type_name("WxH");
+        command
+            .add_option("--depth", render.depth,
+                        "Largest number of reflections and refractions in a row; default 4")
             ->transform(WholeNumber(0, 64))
             ->type_name("N");
         command.add_option("--threads", render.threads, "Threads; default all")
@@ -151,16 +162,15 @@ void AddRenderCommand(CLI::App& app, Invocation& invocation) {
             command
                 .add_option(
                     "--heat", render.heat,
-                    "Colour each pixel by what its camera ray costs: traversal steps, primitive tests "
-                    "or both, on one scale for all structures. A .png is a sheet with legends; an .exr "
-                    "holds the picture and the raw counts as channels STRUCTURE.steps and "
-                    "STRUCTURE.prims")
+                    "Colour each pixel by the cost of its camera ray: traversal steps, primitive tests or "
+                    "both, on one scale for all structures. A .png becomes a sheet with legends; an .exr "
+                    "holds the picture and the raw counts as channels STRUCTURE.steps and STRUCTURE.prims")
                 ->check(CLI::IsMember({"steps", "prims", "both"}))
                 ->excludes(structure)
                 ->type_name("KIND");
         command
             .add_option("--structures", render.heat_structures,
-                        "What --heat compares; default: all that count, but for null and brute")
+                        "Structures that --heat compares; default: all that can count, except null and brute")
             ->needs(heat)
             ->type_name("A,B(X=1)");
         command
@@ -172,8 +182,9 @@ void AddRenderCommand(CLI::App& app, Invocation& invocation) {
             ->type_name("SCALE");
         for (CLI::Option* option : AddPictureOptions(command, render.picture)) option->excludes(heat);
         command.footer(
-            "raybench render sponza --samples 4 --filter mitchell --adaptive 0.05 -o sponza.png\n"
-            "raybench render engine --heat both --structures \"bvh_sah,bvh_sah(numerics=fast)\" -o heat.png");
+            "Examples:\n"
+            "  raybench render sponza --samples 4 --filter mitchell --adaptive 0.05 -o sponza.png\n"
+            "  raybench render engine --heat both --structures \"bvh_sah,kdop\" -o heat.png");
       },
       [](RenderOptions& options, const Registry& registry) {
         if (!options.size.empty()) ParseSize(options.size, options);

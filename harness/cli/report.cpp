@@ -10,11 +10,9 @@ namespace raybench {
 
 void AddReportCommand(CLI::App& app, Invocation& invocation) {
   AddCommand<std::string>(
-      app, invocation, "report", "Draw the plots of a result folder",
+      app, invocation, "report", "Draw the plots of a result folder again",
       [](CLI::App& command, std::string& folder) {
-        command.add_option("dir", folder, "What run or extremes wrote with --out")
-            ->required()
-            ->type_name("DIR");
+        command.add_option("dir", folder, "Result folder of run or extremes")->required()->type_name("DIR");
       },
       [](const std::string& folder, const Registry&) {
         const auto holds = [&](const char* file) {
@@ -23,7 +21,7 @@ void AddReportCommand(CLI::App& app, Invocation& invocation) {
         };
         if (!holds("cases.csv") && !holds("extremes.csv"))
           throw InputError(
-              fmt::format("{}: no result folder (it holds neither cases.csv nor extremes.csv)", folder));
+              fmt::format("{}: not a result folder (it has neither cases.csv nor extremes.csv)", folder));
         return Reports().Run({folder});
       });
 }

@@ -28,36 +28,35 @@ void AddOptions(CLI::App& command, RunArguments& arguments) {
       .add_option("--structures", arguments.structures,
                   "Such as bvh_sah,embree(robust=true); default: one of each family; all: every one")
       ->type_name("A,B(X=1)");
-  command.add_flag("--quick", run.quick, "Fewer rays and repetitions: within a minute");
+  command.add_flag("--quick", run.quick, "Fewer rays and repetitions: less than a minute");
   command.add_option("--out", run.out, "Result folder; default: results/<UTC time>")->type_name("DIR");
   command
       .add_option("--rays", arguments.rays,
-                  "A number: rays of a set, default 128K, quick 8K. A .rays file or a folder of them (see: "
-                  "raybench rays): these rays instead of captured ones, under the files' names; all of them "
-                  "unless a number is given too. May be repeated")
+                  "A number: rays per set; default 128K, quick 8K. Or a .rays file or a folder of them (see: "
+                  "raybench rays): replay these rays instead of captured ones; all of them, unless a number "
+                  "is given too. The files' names become the names of the sets. May be repeated")
       ->allow_extra_args(false)
       ->type_name("N|FILE");
-  command.add_option("--sets", run.sets, "Captured ray sets to ask, such as camera,shadow.0; default all")
+  command.add_option("--sets", run.sets, "Captured ray sets to trace, such as camera,shadow.0; default all")
       ->delimiter(',')
       ->allow_extra_args(false)
       ->type_name("A,B");
   command
       .add_option("--verify-rays", run.verify_rays,
-                  "Rays of a set compared with the truth; default 4K, quick 1K")
+                  "Rays per set that are compared with the truth; default 4K, quick 1K")
       ->transform(WholeNumber(uint64_t{1}, uint64_t{1} << 28, Units::kSizes))
       ->type_name("N");
   command
-      .add_option(
-          "--budget", run.budget,
-          "Seconds that timing a case may take; default 0.36, quick 0.03, or as much a sample with "
-          "--repetitions. What is too slow for that is timed on a part of its rays (1/4, 1/16, ... of "
-          "the tiles; column timed_rays), the anchor beside it on the same part; builds get fewer "
-          "samples. Verdicts and counters are of all rays")
+      .add_option("--budget", run.budget,
+                  "Seconds that timing a case may take; default 0.36, quick 0.03; with --repetitions, "
+                  "seconds per sample. A case that is too slow is timed on a part of its rays (1/4, 1/16, "
+                  "... of the tiles; column timed_rays), and the anchor on the same part; a build gets fewer "
+                  "samples. Verdicts and counters are always those of all rays")
       ->transform(RealNumber(0.001, 86400))
       ->type_name("SECONDS");
   command
       .add_option("--repetitions", run.repetitions,
-                  "Samples of every case; default 9, quick 6, fewer where the budget is too short")
+                  "Samples per case; default 9, quick 6, fewer where the budget is too short")
       ->transform(WholeNumber(1, 10000))
       ->type_name("N");
   command.add_option("--threads", run.threads, "Thread counts; default 1, for builds 1 and all")
@@ -72,47 +71,47 @@ void AddOptions(CLI::App& command, RunArguments& arguments) {
       ->transform(WholeNumber())
       ->type_name("N");
   command
-      .add_option(
-          "--memory-limit", run.memory_limit,
-          "What the trees held at once, the anchor's among them, and a building may take together, such "
-          "as 8G; default: half of the memory there is. Trees that are too many are timed in groups, "
-          "each with the anchor")
+      .add_option("--memory-limit", run.memory_limit,
+                  "Memory for all trees held at once (with the anchor's) and the build in progress, such as "
+                  "8G; default: half of the machine's memory. Trees that do not fit together are timed in "
+                  "groups, each with the anchor")
       ->transform(WholeNumber(0, UINT64_MAX, Units::kSizes))
       ->type_name("BYTES");
-  command.add_flag("--shuffled", run.shuffled, "Time a shuffled twin of each traced ray set too");
+  command.add_flag("--shuffled", run.shuffled, "Also time a shuffled copy of each traced ray set");
   command.add_flag("--drop-bad", run.drop_bad, "Leave out bad triangles instead of refusing the file");
-  command.add_flag("--resume", run.resume, "Go on in --out and keep the cases that are there");
+  command.add_flag("--resume", run.resume, "Continue the run in --out and keep its finished cases");
   command.add_flag("--no-report", arguments.no_report, "Draw no plots");
   command.footer(std::string(kGoals) + "\nRay sets, N being the depth:\n" +
                  FormatFamilies(CapturedFamilies()) +
-                 "\nOf Google Benchmark's arguments --benchmark_min_time=SECONDS (of a sample) and "
-                 "--benchmark_filter=REGEX (of scene/structure/ray set/order/query/threads:N) are taken.");
+                 "\nTwo arguments of Google Benchmark are accepted: --benchmark_min_time=SECONDS (per "
+                 "sample) and --benchmark_filter=REGEX (of scene/structure/ray set/order/query/threads:N).");
 }
 
 }  // namespace
 
 void AddRunCommand(CLI::App& app, Invocation& invocation) {
-  AddCommand<RunArguments>(app, invocation, "run", "Verify and measure structures on scenes", AddOptions,
-                           [&invocation](RunArguments& arguments, const Registry& registry) {
-                             RunOptions& run = arguments.run;
-                             if (arguments.structures) run.structures = SplitSpecs(*arguments.structures);
-                             const RayWords rays = ReadRayWords(arguments.rays);
-                             run.rays = rays.number, run.ray_files = rays.files;
-                             if (!run.ray_files.empty() && run.scenes.empty())
-                               throw InputError("--rays FILE: name the scene that the rays were recorded in");
-                             if (!run.ray_files.empty() && !run.sets.empty())
-                               throw InputError("--sets is for captured ray sets; --rays FILE names its own");
-                             if (run.resume && run.out.empty())
-                               throw InputError("--resume needs --out: the folder to go on in");
-                             std::sort(run.threads.begin(), run.threads.end());
-                             run.threads.erase(std::unique(run.threads.begin(), run.threads.end()),
-                                               run.threads.end());
-                             run.plugins = invocation.plugins;
-                             run.command_line = invocation.arguments;
-                             run.benchmark_flags = std::exchange(invocation.benchmark_flags, {});
-                             run.report = !arguments.no_report;
-                             return RunBenchmark(registry, run);
-                           });
+  AddCommand<RunArguments>(
+      app, invocation, "run", "Verify and measure structures on scenes", AddOptions,
+      [&invocation](RunArguments& arguments, const Registry& registry) {
+        RunOptions& run = arguments.run;
+        if (arguments.structures) run.structures = SplitSpecs(*arguments.structures);
+        const RayWords rays = ReadRayWords(arguments.rays);
+        run.rays = rays.number;
+        run.ray_files = rays.files;
+        if (!run.ray_files.empty() && run.scenes.empty())
+          throw InputError("--rays FILE: name the scene that the rays were recorded in");
+        if (!run.ray_files.empty() && !run.sets.empty())
+          throw InputError("--sets names captured ray sets; it cannot be used with --rays FILE");
+        if (run.resume && run.out.empty())
+          throw InputError("--resume needs --out: the folder of the run to continue");
+        std::sort(run.threads.begin(), run.threads.end());
+        run.threads.erase(std::unique(run.threads.begin(), run.threads.end()), run.threads.end());
+        run.plugins = invocation.plugins;
+        run.command_line = invocation.arguments;
+        run.benchmark_flags = std::exchange(invocation.benchmark_flags, {});
+        run.report = !arguments.no_report;
+        return RunBenchmark(registry, run);
+      });
 }
 
 }  // namespace raybench

@@ -1,4 +1,4 @@
-// raybench spd: the rays of the Standard Procedural Databases counted beside what others counted.
+// raybench spd: counts the rays of the Standard Procedural Databases and compares with published counts.
 //
 // The counts do not depend on the structure that answers; what a grid and an octree cost per ray does, so
 // these are built as Havran built them and asked the very rays of the picture.
@@ -36,10 +36,9 @@ struct SpdOptions {
 };
 
 constexpr const char* kNote =
-    "Figures per ray are averaged over all rays of the picture, those that miss the grid included; a shadow "
-    "ray stops at its first hit. What is published as tests per ray of octrees agrees with tests per ray "
-    "that "
-    "hits: the ratio to the fewest possible (Havran's r_ITM).";
+    "Figures per ray are averages over all rays of the picture, including those that miss the grid; a shadow "
+    "ray stops at its first hit. The published tests per ray of octrees agree with our tests per ray that "
+    "hits, the ratio to the fewest possible (Havran's r_ITM).";
 
 constexpr SpdFigure kNoFigure{kUncounted, kUncounted};
 
@@ -67,7 +66,7 @@ std::string Text(double value, bool per_ray) {
   return digits;
 }
 
-/// What is shown as 0 has no sign.
+/// A number that is shown as 0 has no sign.
 double NoMinusZero(double percent) { return std::abs(percent) < 0.005 ? 0 : percent; }
 
 void Print(const std::vector<Row>& rows) {
@@ -137,13 +136,19 @@ PerRay CountAll(const Tree& tree, const std::vector<RaySet>& sets, uint32_t thre
     std::vector<uint8_t> occluded(set.query == RB_ANY ? n : 0);
     std::vector<rb_counts> counts(n);
     rb_query query{};
-    query.struct_size = sizeof query, query.kind = set.query, query.n = n;
-    query.rays = set.rays.data(), query.counts = counts.data();
-    query.hits = hits.data(), query.occluded = occluded.data();
+    query.struct_size = sizeof query;
+    query.kind = set.query;
+    query.n = n;
+    query.rays = set.rays.data();
+    query.counts = counts.data();
+    query.hits = hits.data();
+    query.occluded = occluded.data();
     QueryParallel(tree, query, threads);
     for (const rb_counts& c : counts) {
-      sum.steps += double(c.steps), sum.leaves += double(c.leaves);
-      sum.empty_leaves += double(c.empty_leaves), sum.prims += double(c.prims);
+      sum.steps += double(c.steps);
+      sum.leaves += double(c.leaves);
+      sum.empty_leaves += double(c.empty_leaves);
+      sum.prims += double(c.prims);
     }
     sum.hits += double(std::count(occluded.begin(), occluded.end(), 1));
     for (const rb_hit& hit : hits) sum.hits += hit.prim != RAYBENCH_NONE;
@@ -164,7 +169,8 @@ class Spd {
     if (names.empty())
       for (const SpdCounts& counts : kSpdCounts) names.emplace_back(counts.scene);
     for (size_t i = 0; i < names.size(); ++i) {
-      begin_ = double(i) / double(names.size()), share_ = 1 / double(names.size());
+      begin_ = double(i) / double(names.size());
+      share_ = 1 / double(names.size());
       CountScene(names[i]);
     }
     fmt::print("{}\n", kNote);
@@ -267,7 +273,10 @@ class Spd {
     const Tree tree(contestant, geometry, BuildOptions(options_.threads, 1));
     const std::optional<TreeStatistics> statistics = ReadTree(tree, geometry);
     std::vector<Row> rows = make(statistics.value(), CountAll(tree, rays, options_.threads));
-    for (Row& row : rows) row.scene = name, row.structure = contestant.Spec();
+    for (Row& row : rows) {
+      row.scene = name;
+      row.structure = contestant.Spec();
+    }
     progress_.Clear();
     fmt::print("{}: {}\n", name, contestant.Spec());
     Add(rows);
@@ -318,16 +327,17 @@ class Spd {
 
 void AddSpdCommand(CLI::App& app, Invocation& invocation) {
   AddCommand<SpdOptions>(
-      app, invocation, "spd", "Count the rays of the Standard Procedural Databases beside published figures",
+      app, invocation, "spd",
+      "Count the rays of the Standard Procedural Databases and compare with published counts",
       [](CLI::App& command, SpdOptions& spd) {
         command
             .add_option("scenes", spd.scenes,
-                        "Scenes or NFF files; one named as a published scene (balls, balls.nff) is compared "
-                        "with it. Default: balls, gears, mount, teapot, tetra")
+                        "Scenes or NFF files; one with the name of a published scene (balls, balls.nff) is "
+                        "compared with it. Default: balls, gears, mount, teapot, tetra")
             ->type_name("SCENE");
         command
             .add_option("--structure", spd.structure,
-                        "What answers the rays that are counted; default bvh_sah(numerics=double)")
+                        "Structure that traces the counted rays; default bvh_sah(numerics=double)")
             ->type_name("A(X=1)");
         command.add_option("--threads", spd.threads, "Threads; default all")
             ->transform(WholeNumber(1, 1024))
@@ -336,10 +346,9 @@ void AddSpdCommand(CLI::App& app, Invocation& invocation) {
         command.add_option("--csv", spd.csv, "Write all figures as CSV")->type_name("FILE");
         command.footer(
             "Rays are those of `raybench render --rules spd --pattern corners`, 513 x 513 of them. "
-            "Published: "
-            "Havran and Sixta 1999 (their opaque surfaces were one-sided), octrees Havran 1999; check: an "
-            "independent one by the rules used here. Where published grids and octrees of a scene are known, "
-            "these are built and asked the same rays.");
+            "Published: Havran and Sixta 1999 (their opaque surfaces were one-sided), octrees Havran 1999. "
+            "Check: an independent one by the rules used here. Where published grids and octrees of a scene "
+            "are known, they are built and asked the same rays.");
       },
       [](const SpdOptions& options, const Registry& registry) { return Spd(registry, options).Go(); });
 }

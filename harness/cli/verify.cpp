@@ -25,29 +25,29 @@ constexpr const char* kFooter = R"help(
 How to read the table: every answer is compared with exact geometry.
   exact       the right primitive (of several at one t the lowest), t correct within float's error
   tie         another primitive at exactly that t
-  neighbour   a primitive beside it: the ray passes their edge closer than float arithmetic can tell
-  leak        the ray went through a closed surface at an edge or a vertex: never excused
-  wrong, false miss, false hit   plain errors; in brackets marginal ones: at an outline or at an end of the
+  neighbour   a primitive beside it: the ray passes their common edge closer than float arithmetic can tell
+  leak        the ray went through a closed surface at an edge or a vertex: always an error
+  wrong, false miss, false hit   plain errors; in brackets the marginal ones: at an outline or at an end of the
               interval, where the exact geometry lies within float's error
   t error     median, 99 % and maximum, in units in the last place of float
-  uv error    the largest of u and v on triangles, in units of what a sound float test may be off; in brackets how
-              many answers are off by more
+  uv error    the largest error of u and v on triangles, in units of the bound of a sound float test; in brackets the
+              number of answers beyond that bound
   leak rate, plain rate   upper bounds at 95 %: no event among n rays means that the rate is below 3/n
-A structure that claims watertight may have no leak, no plain error and no u or v that is off by more; one that
-claims exact only exact, to the bit, and such u and v.
+A structure that claims watertight may have no leak, no plain error and no u or v beyond the bound. One that claims
+exact must give only exact answers, equal to the bit, with u and v within the bound.
 
---closed N fires N rays from points inside a closed mesh at its edges and vertices. Whatever such a ray does, it hits;
-so a miss is a leak, and no truth is needed: it runs nearly as fast as the structure. --ledger FILE adds up over runs of
+--closed N fires N rays from points inside a closed mesh at its edges and vertices. Every such ray hits something, so
+a miss is a leak and no truth is needed: this runs nearly as fast as the structure. --ledger FILE sums over runs of
 the same scene, structure, parameters and raybench commit. A run takes the first seed from --seed on that the ledger
-has not yet seen for these, so that no ray counts twice: the same command again fires new rays.
+does not have for these, so no ray counts twice: the same command again fires new rays.
 
---crossings N counts what the lines of N points cross, to tell inside from outside of a closed mesh. Columns: wrong
-answers and ns per point (of one thread) by
+--crossings N decides whether N points are inside or outside a closed mesh, by counting the crossings of their lines.
+Columns: wrong answers and ns per point (of one thread) by
   rule        all triangles of the line, walked by `after`, each judged by exact predicates: never wrong where a
               structure is watertight or exact (harness/verify/CROSSINGS.md has the proof)
   after       all answers from the point along an axis, walked by `after`
   epsilon     the same, restarted 1e-4 of the diagonal behind each hit
-  vote        that along three random directions, the majority
+  vote        the majority of that along three random directions
 
 Examples:
   raybench verify model.glb                                      one structure of each family
@@ -56,9 +56,9 @@ Examples:
   raybench verify model.obj --structures mine --rays verified/model-mine-closest.rays
   raybench verify "icosphere(level=6)" --structures bvh_sah --closed 100M --ledger ledger.json
   raybench verify menger --structures bvh_sah,embree --crossings 1M
-  raybench verify --all --rays 64K                               everything there is, for long
+  raybench verify --all --rays 64K                               all scenes and structures; takes long
 Exit codes: 0 fine; 1 a claim, the contract or a tree is broken; 2 wrong input; 3 a structure could not be built;
-130 interrupted (what was judged or fired is shown, and recorded).)help";
+130 interrupted (results up to then are shown, and recorded).)help";
 
 void AddOptions(CLI::App& command, VerifyArguments& arguments) {
   VerifyOptions& verify = arguments.verify;
@@ -67,19 +67,18 @@ void AddOptions(CLI::App& command, VerifyArguments& arguments) {
       ->type_name("SCENE");
   CLI::Option* all = command.add_flag(
       "--all", verify.all,
-      "Every generator at 3,000 primitives or its fewest, every fetched model of at most 80,000, every "
-      "structure at "
-      "each of its numerics: a table with a line a scene, and details only of what is broken");
+      "Every generator with 3,000 primitives (or its fewest), every fetched model of at most 80,000, every "
+      "structure with each of its numerics: a table with one line per scene, and details only of failures");
   command
       .add_option("--structures", arguments.structures,
-                  "Such as bvh_sah,embree(robust=true); default: one of each family, at each value of "
+                  "Such as bvh_sah,embree(robust=true); default: one of each family, with each value of "
                   "numerics and robust; all: every one")
       ->type_name("A,B(X=1)");
   CLI::Option* rays =
       command
           .add_option("--rays", arguments.rays,
-                      "A number: rays of a set, default 16K. A .rays file or a folder of them: judge these "
-                      "instead. May be repeated. With --all a number, default 2K")
+                      "A number: rays per set; default 16K, with --all 2K. Or a .rays file or a folder of "
+                      "them: judge these rays instead (not with --all). May be repeated")
           ->allow_extra_args(false)
           ->type_name("N|FILE");
   CLI::Option* sets =
@@ -87,17 +86,17 @@ void AddOptions(CLI::App& command, VerifyArguments& arguments) {
           ->delimiter(',')
           ->allow_extra_args(false)
           ->type_name("A,B");
-  CLI::Option* any = command.add_flag(
-      "--any", verify.any,
-      "Any-hit queries of all rays; by default of a quarter, beside the closest-hit ones of all. "
-      "With --closed: instead of closest-hit ones");
+  CLI::Option* any =
+      command.add_flag("--any", verify.any,
+                       "Any-hit queries of all rays; by default of a quarter of them. Closest-hit queries "
+                       "are always of all rays. With --closed: any-hit instead of closest-hit queries");
   command.add_option("--seed", verify.seed, "Seed of everything random; default 1")
       ->transform(WholeNumber())
       ->type_name("N");
   command.add_option("--threads", verify.threads, "Threads; default all")
       ->transform(WholeNumber(1, 1024))
       ->type_name("N");
-  command.add_option("--examples", verify.examples, "Worst answers shown of a structure; default 5")
+  command.add_option("--examples", verify.examples, "Worst answers shown per structure; default 5")
       ->transform(WholeNumber(0, 1000))
       ->type_name("K");
   CLI::Option* out =
@@ -110,8 +109,7 @@ void AddOptions(CLI::App& command, VerifyArguments& arguments) {
   CLI::Option* replay =
       command
           .add_option("--replay", arguments.replay,
-                      "Judge this one ray, in the coordinates of the scene's file, and say all "
-                      "about it")
+                      "Judge this one ray, in the coordinates of the scene's file, and print all details")
           ->excludes(rays)
           ->excludes(sets)
           ->excludes(out)
@@ -119,7 +117,7 @@ void AddOptions(CLI::App& command, VerifyArguments& arguments) {
           ->type_name("OX,OY,OZ,TNEAR,DX,DY,DZ,TFAR");
   CLI::Option* closed = command
                             .add_option("--closed", verify.closed,
-                                        "Fire N rays, such as 100M, from inside a closed mesh instead")
+                                        "Instead: fire N rays, such as 100M, from inside a closed mesh")
                             ->transform(WholeNumber(uint64_t{1}, uint64_t{1} << 48, Units::kSizes))
                             ->excludes(rays)
                             ->excludes(sets)
@@ -127,13 +125,12 @@ void AddOptions(CLI::App& command, VerifyArguments& arguments) {
                             ->excludes(all)
                             ->excludes(replay)
                             ->type_name("N");
-  command
-      .add_option("--ledger", verify.ledger, "JSON file in which --closed adds up over runs; default none")
+  command.add_option("--ledger", verify.ledger, "JSON file in which --closed sums over runs; default none")
       ->needs(closed)
       ->type_name("FILE");
   command
       .add_option("--crossings", verify.crossings,
-                  "Tell N points, such as 10M, inside from outside of a closed mesh instead")
+                  "Instead: decide whether N points, such as 10M, are inside or outside a closed mesh")
       ->transform(WholeNumber(uint64_t{1}, uint64_t{1} << 28, Units::kSizes))
       ->excludes(rays)
       ->excludes(sets)
@@ -151,10 +148,11 @@ constexpr uint64_t kSmallGenerated = 3000, kSmallModel = 80000, kRaysOfAll = 204
 void TakeAll(VerifyOptions& verify) {
   if (!verify.scenes.empty())
     throw InputError("verify --all takes every scene; name none, or leave --all out");
-  if (!verify.ray_files.empty()) throw InputError("verify --all makes its rays; --rays takes a number then");
+  if (!verify.ray_files.empty())
+    throw InputError("verify --all makes its own rays; --rays takes only a number then");
   SmallScenes scenes = EverySmallScene(kSmallGenerated, kSmallModel);
   if (!scenes.not_fetched.empty())
-    fmt::print(stderr, "models that are not fetched are left out: {} (raybench fetch NAME gets one)\n",
+    fmt::print(stderr, "models that are not fetched are left out: {} (raybench fetch NAME fetches one)\n",
                fmt::join(scenes.not_fetched, ", "));
   verify.scenes = std::move(scenes.names);
   if (verify.structures.empty()) verify.structures = {"all"};
@@ -165,14 +163,15 @@ int Verify(VerifyArguments& arguments, const Registry& registry, const Invocatio
   VerifyOptions& verify = arguments.verify;
   if (arguments.structures) verify.structures = SplitSpecs(*arguments.structures);
   const RayWords rays = ReadRayWords(arguments.rays);
-  verify.rays = rays.number, verify.ray_files = rays.files;
+  verify.rays = rays.number;
+  verify.ray_files = rays.files;
   if (verify.all) {
     TakeAll(verify);
   } else if (verify.scenes.empty()) {
-    throw InputError("verify: name a scene, such as a file or \"icosphere(level=4)\", or say --all");
+    throw InputError("verify: name a scene, such as a file or \"icosphere(level=4)\", or add --all");
   }
   if (!verify.ray_files.empty() && !verify.sets.empty())
-    throw InputError("--sets is for sets that are made; --rays FILE names its own");
+    throw InputError("--sets names generated ray sets; it cannot be used with --rays FILE");
   verify.plugins = invocation.plugins;
   verify.command_line = invocation.arguments;
   if (arguments.replay) {

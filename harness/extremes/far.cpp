@@ -107,8 +107,7 @@ const Suite kFarOrigin = {"far_origin",
 
 const Suite kScale = {"scale",
                       "a ball times 2^k, rays as in edge_aim; from -30 to 30 structures see these very "
-                      "numbers, beyond that the "
-                      "scene model rescales or refuses",
+                      "numbers, beyond that the scene model rescales or refuses",
                       "k: largest coordinate is 2^k",
                       Axis::kLinear,
                       "leak or plain error",

@@ -65,7 +65,9 @@ Mesh Box(Vec3d lo, Vec3d hi, uint32_t n) {
           std::array<uint32_t, 4> quad;
           for (uint32_t c = 0; c < 4; ++c) {
             std::array<uint32_t, 3> cell;
-            cell[axis] = side, cell[u] = i + (c == 1 || c == 2), cell[v] = j + (c >= 2);
+            cell[axis] = side;
+            cell[u] = i + (c == 1 || c == 2);
+            cell[v] = j + (c >= 2);
             quad[c] = at(cell);
           }
           if (side == 0) std::swap(quad[1], quad[3]);  // outward

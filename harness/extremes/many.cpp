@@ -1,5 +1,5 @@
-// Many primitives where a structure cannot divide them: copies, points and lines, and the teapot in a
-// stadium.
+// Many primitives where a structure cannot divide them: copies, points and lines, and the teapot in
+// a stadium.
 #include <fmt/format.h>
 
 #include "harness/extremes/make.h"
@@ -21,7 +21,10 @@ Workload MakeCoincident(const Point& point, uint64_t rays, uint64_t seed) {
   work.scene = ToScene(mesh, kCoincident, point);
   work.rays = MakeRays(AffordableRays(rays, point.magnitude), seed, [&](uint64_t, Random& r) {
     double u = r.NextDouble(), v = r.NextDouble();
-    if (u + v > 1) u = 1 - u, v = 1 - v;
+    if (u + v > 1) {
+      u = 1 - u;
+      v = 1 - v;
+    }
     const Vec3d target = a + (b - a) * (0.02 + 0.94 * u) + (c - a) * (0.02 + 0.94 * v);
     return Towards(ToFloat(target + r.UnitVector()), ToFloat(target));
   });

@@ -19,7 +19,7 @@
 namespace raybench::extremes {
 namespace {
 
-/// What is linear (RB_LINEAR) gets as many rays as look at this many primitives in a pass, but never fewer
+/// A linear structure (RB_LINEAR) gets as many rays as test this many primitives in a pass, but never fewer
 /// than kFewestRays.
 constexpr double kLinearBudget = 0x1p20;
 constexpr uint64_t kFewestRays = 16;
@@ -86,7 +86,10 @@ class PointRun {
     try {
       work_ = suite_.make(point_, options_.rays, options_.seed);
     } catch (const InputError& error) {
-      for (Entrant& e : entrants_) e.row[column::status] = "refused", e.row[column::note] = error.what();
+      for (Entrant& e : entrants_) {
+        e.row[column::status] = "refused";
+        e.row[column::note] = error.what();
+      }
       return false;
     }
     geometry_ = work_.scene.Geometry();
@@ -121,7 +124,8 @@ class PointRun {
     uint64_t nodes = 0, prims = 0;
     int needs_geometry = 0;
     e.tree.structure().memory(e.tree.get(), &nodes, &prims, &needs_geometry);
-    e.row[column::node_bytes] = nodes, e.row[column::prim_bytes] = prims;
+    e.row[column::node_bytes] = nodes;
+    e.row[column::prim_bytes] = prims;
     e.row[column::claim] = ClaimName(e.tree.Claims());
     std::string flaw;
     if (const auto statistics = ReadTree(e.tree, geometry_)) {
@@ -143,7 +147,8 @@ class PointRun {
   }
 
   static void Skip(Entrant& e, const std::string& why) {
-    e.row[column::status] = "skipped", e.row[column::note] = why;
+    e.row[column::status] = "skipped";
+    e.row[column::note] = why;
     e.tree = Tree();
   }
 
@@ -161,8 +166,10 @@ class PointRun {
     for (size_t i = 0; i < e.rays.size(); ++i) {
       const rb_hit& hit = e.answers.hits[i];
       if (work_.fails) failures += work_.fails(truth[i], hit);
-      if (work_.second && (!work_.second_on_odd_rays || i % 2 != 0))
-        ++second_rays, second += work_.second(truth[i], hit);
+      if (work_.second && (!work_.second_on_odd_rays || i % 2 != 0)) {
+        ++second_rays;
+        second += work_.second(truth[i], hit);
+      }
     }
     if (counts.rays > 0) {
       SetClasses(e.row, counts);
@@ -181,7 +188,10 @@ class PointRun {
       if (second_rays > 0) e.row[column::second_rate] = double(second) / double(second_rays);
       e.row[column::second_bound] = UpperRate(second, second_rays);
     }
-    if (!flaw.empty()) e.row[column::status] = "broken", e.row[column::note] = flaw;
+    if (!flaw.empty()) {
+      e.row[column::status] = "broken";
+      e.row[column::note] = flaw;
+    }
   }
 
   /// Passes of all trees take turns; the median counts. Rough: few passes, one process.

@@ -161,7 +161,8 @@ class ExtremesRun {
     std::vector<double> ns;
     for (const Row* row : rows) {
       const std::string status = row->Get(column::status);
-      refused += status == "refused", skipped += status == "skipped";
+      refused += status == "refused";
+      skipped += status == "skipped";
       const auto rate = row->Get(column::failure_rate);
       if (!rate) continue;
       rays += *row->Get(column::rays);
@@ -169,7 +170,10 @@ class ExtremesRun {
       ns.push_back(*row->Get(column::ns_per_ray));
       const double at = *row->Get(column::magnitude);
       if (*rate > 0 && !first) first = at;
-      if (*rate > worst) worst = *rate, worst_at = at;
+      if (*rate > worst) {
+        worst = *rate;
+        worst_at = at;
+      }
     }
     std::string text;
     if (rays > 0) {
@@ -219,7 +223,7 @@ class ExtremesRun {
     }
     if (broken_ == 0) return 0;
     progress_.Say(
-        fmt::format("{} times a structure broke its claim inside of a suite's range (above)", broken_));
+        fmt::format("{} times a structure broke its claim inside a suite's range (above)", broken_));
     return 1;
   }
 

@@ -24,7 +24,7 @@ struct Answers {
 
   Answers() = default;
   explicit Answers(size_t n) : hits(n), occluded(n) {}
-  /// The question to be answered here, for who asks himself.
+  /// The question with its answers to go here, for callers that query a structure themselves.
   rb_query To(const Question& question, rb_counts* counts = nullptr);
 };
 

@@ -21,7 +21,8 @@ struct Interval {
       return;
     }
     const double a = (from - org) / dir, b = (to - org) / dir;
-    lo = std::max(lo, std::min(a, b)), hi = std::min(hi, std::max(a, b));
+    lo = std::max(lo, std::min(a, b));
+    hi = std::min(hi, std::max(a, b));
   }
 };
 

@@ -23,7 +23,8 @@ std::string CountsInWords(uint32_t claim, const VerdictCounts& counts) {
   }
   for (size_t v = size_t(Verdict::kExact) + 1; v < size_t(Verdict::kCount); ++v) {
     Judged judged;
-    judged.verdict = Verdict(v), judged.strict = false;
+    judged.verdict = Verdict(v);
+    judged.strict = false;
     if (judged.Breaks(claim)) add(counts.by_class[v], VerdictName(Verdict(v)));
   }
   add(counts.uv_wrong, "with u or v beyond its bound");

@@ -31,7 +31,8 @@ class Cover {
         if (std::min(dp, dq) >= -eps_ || std::max(dp, dq) <= eps_) continue;
         Vec3d cut = p + (q - p) * (dp / (dp - dq));
         cut[axis] = plane;
-        outside.push_back(cut), inside.push_back(cut);
+        outside.push_back(cut);
+        inside.push_back(cut);
       }
       if (beyond && !Negligible(outside) && !Covers(Meeting(boxes, outside, &box), outside)) return false;
       rest = std::move(inside);
@@ -44,7 +45,10 @@ class Cover {
   std::vector<const Bounds3*> Meeting(const std::vector<const Bounds3*>& boxes, const Polygon& polygon,
                                       const Bounds3* without) const {
     Vec3d lo = polygon[0], hi = lo;
-    for (Vec3d p : polygon) lo = Min(lo, p), hi = Max(hi, p);
+    for (Vec3d p : polygon) {
+      lo = Min(lo, p);
+      hi = Max(hi, p);
+    }
     std::vector<const Bounds3*> meeting;
     for (const Bounds3* box : boxes) {
       bool meets = box != without;

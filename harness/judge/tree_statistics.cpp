@@ -64,13 +64,17 @@ class Visitor {
       box = {LoadVec3(node.bounds), LoadVec3(node.bounds + 3)};
       if (nodes_ == 0) root_area_ = box.HalfArea();
       weighted_area_ += double(box.HalfArea()) * (node.is_leaf ? node.prim_count : 1);
-      if (node.is_leaf) leaf_area_ += box.HalfArea(), leaf_depths_ += double(box.HalfArea()) * node.depth;
+      if (node.is_leaf) {
+        leaf_area_ += box.HalfArea();
+        leaf_depths_ += double(box.HalfArea()) * node.depth;
+      }
     } else {
       all_boxes_ = false;
     }
     CheckInsideParent(node, is_box ? std::optional(box) : std::nullopt);
     ++nodes_;
-    last_depth_ = node.depth, last_is_leaf_ = node.is_leaf != 0;
+    last_depth_ = node.depth;
+    last_is_leaf_ = node.is_leaf != 0;
     s.depth = std::max(s.depth, node.depth);
     if (!node.is_leaf) {
       ++s.inner_nodes;
@@ -108,7 +112,7 @@ class Visitor {
   void CheckPlace(const rb_node& node) {
     const auto flaw = [&](const char* what) { Flaw(fmt::format("node {} of the visit {}", nodes_, what)); };
     if (nodes_ == 0) {
-      if (node.depth != 0) flaw("is the first one and has another depth than 0");
+      if (node.depth != 0) flaw("is the first, but its depth is not 0");
     } else if (node.depth == 0) {
       flaw("is a second root");
     } else if (last_is_leaf_ ? node.depth > last_depth_ : node.depth > last_depth_ + 1) {

@@ -10,9 +10,9 @@
 #include <iterator>
 #include <optional>
 
+#include "accel/base/files.h"
 #include "accel/base/hash.h"
 #include "datasets/models/fetch.h"
-#include "accel/base/files.h"
 #include "harness/truth/sources.h"
 
 namespace raybench {
@@ -57,7 +57,11 @@ struct Reader {
   bool whole = true;
 
   std::string_view Bytes(uint64_t size) {
-    if (size > rest.size()) whole = false, size = 0, rest = {};
+    if (size > rest.size()) {
+      whole = false;
+      size = 0;
+      rest = {};
+    }
     const std::string_view taken = rest.substr(0, size);
     rest.remove_prefix(size);
     return taken;
@@ -77,7 +81,9 @@ std::string Encode(std::span<const Truth> truth) {
   for (const Truth& t : truth) {
     Put(out, uint8_t(unsigned(t.hit) | unsigned(t.coplanar) << 1 | unsigned(t.feature) << 2));
     if (!t.hit) continue;
-    Put(out, t.t), Put(out, t.t_rounded), Put(out, t.first);
+    Put(out, t.t);
+    Put(out, t.t_rounded);
+    Put(out, t.first);
     Put(out, uint32_t(t.tied.size()));
     for (uint32_t prim : t.tied) Put(out, prim);
   }
@@ -90,9 +96,13 @@ std::optional<std::vector<Truth>> Decode(std::string_view text, size_t rays) {
   std::vector<Truth> truth(rays);
   for (Truth& t : truth) {
     const auto flags = in.Get<uint8_t>();
-    t.hit = flags & 1, t.coplanar = flags & 2, t.feature = Feature(flags >> 2);
+    t.hit = flags & 1;
+    t.coplanar = flags & 2;
+    t.feature = Feature(flags >> 2);
     if (!t.hit) continue;
-    t.t = in.Get<double>(), t.t_rounded = in.Get<float>(), t.first = in.Get<uint32_t>();
+    t.t = in.Get<double>();
+    t.t_rounded = in.Get<float>();
+    t.first = in.Get<uint32_t>();
     const std::string_view ids = in.Bytes(uint64_t{in.Get<uint32_t>()} * sizeof(uint32_t));
     t.tied.resize(ids.size() / sizeof(uint32_t));
     std::copy(ids.begin(), ids.end(), reinterpret_cast<char*>(t.tied.data()));
@@ -101,7 +111,7 @@ std::optional<std::vector<Truth>> Decode(std::string_view text, size_t rays) {
   return truth;
 }
 
-/// None: no such file, or one to be written anew.
+/// None if there is no such file, or it must be written again.
 std::optional<std::vector<Truth>> Read(const fs::path& path, const std::string& identity, size_t rays,
                                        const TruthListener& listener) {
   std::ifstream file(path, std::ios::binary);
@@ -122,11 +132,12 @@ std::optional<std::vector<Truth>> Read(const fs::path& path, const std::string& 
     }
   }
   if (listener.say)
-    listener.say(fmt::format("{}: {} and is written anew; the truth is asked for", path.string(), what));
+    listener.say(
+        fmt::format("{}: {} and is written again; the truth is computed again", path.string(), what));
   return {};
 }
 
-/// Removes what was used longest ago until the folder is within its limit.
+/// Removes the least recently used files until the folder is within its limit.
 void Tidy(const fs::path& folder) {
   struct Entry {
     fs::file_time_type used;
@@ -153,7 +164,7 @@ void Tidy(const fs::path& folder) {
 void SayNotKept(const InputError& why, const TruthListener& listener) {
   static std::atomic<bool> said = false;
   if (listener.say && !said.exchange(true))
-    listener.say(fmt::format("truth is not kept for another time: {}", why.what()));
+    listener.say(fmt::format("truth is not stored for the next run: {}", why.what()));
 }
 
 /// Where truth is kept, if anywhere.

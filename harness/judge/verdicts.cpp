@@ -34,8 +34,11 @@ JudgedAnswer Verdicts::Answer(size_t nth, const Oracle& oracle, const Question& 
                               const Answers& answers) const {
   JudgedAnswer answer;
   const size_t i = known.picks.empty() ? nth : known.picks[nth];
-  answer.query = question.query, answer.index = i, answer.ray = question.rays[i];
-  answer.truth = known.truth[nth], answer.judged = judged[nth];
+  answer.query = question.query;
+  answer.index = i;
+  answer.ray = question.rays[i];
+  answer.truth = known.truth[nth];
+  answer.judged = judged[nth];
   if (question.query == RB_ANY) {
     answer.occluded = answers.occluded[i] != 0;
   } else {
@@ -58,10 +61,13 @@ Verdicts JudgeAnswers(uint32_t claim, const Oracle& oracle, uint64_t primitives,
   std::vector<uint8_t> picked_occluded;
   if (!known.picks.empty()) {
     for (uint32_t pick : known.picks) {
-      picked_rays.push_back(rays[pick]), picked_hits.push_back(hits[pick]);
+      picked_rays.push_back(rays[pick]);
+      picked_hits.push_back(hits[pick]);
       picked_occluded.push_back(occluded[pick]);
     }
-    rays = picked_rays, hits = picked_hits, occluded = picked_occluded;
+    rays = picked_rays;
+    hits = picked_hits;
+    occluded = picked_occluded;
   }
   const size_t n = rays.size();
   std::vector<Judged>& judged = verdicts.judged;
@@ -87,8 +93,12 @@ std::string CountAnswers(const Tree& tree, const Question& question, const Answe
     return fmt::format("ray {} is answered differently when counted", i);
   rb_counts sum = {};
   for (const rb_counts& c : counts) {
-    sum.steps += c.steps, sum.leaves += c.leaves, sum.empty_leaves += c.empty_leaves;
-    sum.bounds += c.bounds, sum.prims += c.prims, sum.bytes += c.bytes;
+    sum.steps += c.steps;
+    sum.leaves += c.leaves;
+    sum.empty_leaves += c.empty_leaves;
+    sum.bounds += c.bounds;
+    sum.prims += c.prims;
+    sum.bytes += c.bytes;
   }
   const double n = double(counts.size()), mean_leaves = double(sum.leaves) / n;
   double leaf_squares = 0;

@@ -13,7 +13,7 @@
 
 namespace raybench {
 
-/// What is true of a question's rays, or of those that are picked.
+/// The truth of a question's rays, or of those that are picked.
 struct Known {
   std::span<const Truth> truth;          ///< empty: nothing is judged
   std::span<const uint32_t> picks = {};  ///< one a truth, or empty: all rays

@@ -193,8 +193,7 @@ std::string VersionText() {
     }
   }
   text += HasCgalOracle() ? "The exact oracle over CGAL is built in. Its AABB tree is GPL-3.0-or-later, so "
-                            "this binary may be "
-                            "passed on under those terms only."
+                            "this binary may be passed on under those terms only."
                           : "Without CGAL: candidates for truth come from a tree of boxes.";
   return text;
 }

@@ -7,7 +7,7 @@
 
 namespace raybench {
 
-/// CPU, cores, memory, operating system, as found at run time. What cannot be found is null.
+/// CPU, cores, memory, operating system, as found at run time. A fact that cannot be found is null.
 Json MachineFacts();
 /// Version, commit, compiler, flags.
 Json BuildFacts();

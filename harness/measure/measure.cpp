@@ -125,7 +125,7 @@ EngineFlags::EngineFlags(const std::vector<std::string>& flags) {
       char* end = nullptr;
       const double seconds = std::strtod(number.c_str(), &end);
       if (number.empty() || *end != 0 || !(seconds > 0 && seconds <= 3600))
-        throw InputError(fmt::format("{}: seconds are wanted, above 0 and at most 3600", flag));
+        throw InputError(fmt::format("{}: must be a number of seconds above 0 and at most 3600", flag));
       min_time_ = seconds;
     } else {
       throw InputError(fmt::format(

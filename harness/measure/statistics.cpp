@@ -39,7 +39,9 @@ MedianInterval MedianOf(std::span<const double> values) {
   for (size_t k = 1; 2 * k <= n; ++k) {
     tail += probability;
     if (1 - 2 * tail < 0.95) break;
-    result.lo = sorted[k - 1], result.hi = sorted[n - k], result.coverage = 1 - 2 * tail;
+    result.lo = sorted[k - 1];
+    result.hi = sorted[n - k];
+    result.coverage = 1 - 2 * tail;
     probability *= double(n - k + 1) / double(k);
   }
   return result;

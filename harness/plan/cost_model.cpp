@@ -39,14 +39,20 @@ double CostModel::Correction(const Account& account, double prior) const {
 
 double CostModel::Correction() const {
   Account all;
-  for (const auto& [key, account] : accounts_) all.guessed += account.guessed, all.took += account.took;
+  for (const auto& [key, account] : accounts_) {
+    all.guessed += account.guessed;
+    all.took += account.took;
+  }
   return Correction(all, 1);
 }
 
 double CostModel::Correction(Work work) const {
   Account kind;
   for (const auto& [key, account] : accounts_)
-    if (key.first == work) kind.guessed += account.guessed, kind.took += account.took;
+    if (key.first == work) {
+      kind.guessed += account.guessed;
+      kind.took += account.took;
+    }
   return Correction(kind, Correction());
 }
 

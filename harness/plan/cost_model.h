@@ -11,9 +11,9 @@ enum class Work { kCapture, kTruth, kBuild, kTree, kCheck, kHeat, kFirstPasses, 
 /// "capture", "truth", "build", ...; the key in run.json.
 const char* WorkName(Work work);
 
-/// Knows no clock. Work is planned by kind and by who does it (a structure; empty: the run itself), at a
-/// guess. Guesses of work ahead are multiplied by how wrong those of finished work were: of the same kind and
-/// doer as far as there are any, else of the kind, else of all work.
+/// Knows no clock. Work is planned by kind and by `who`, a structure (empty: the run itself), with a guessed
+/// cost. Guesses of work ahead are multiplied by the ratio of true to guessed cost of finished work: of the
+/// same kind and structure as far as there is any, else of the kind, else of all work.
 class CostModel {
  public:
   void Plan(Work work, const std::string& who, double guess);

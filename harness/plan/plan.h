@@ -65,8 +65,8 @@ std::string WhyNotTaken(const rb_structure& structure, const Scene& scene);
 /// unknown, or given twice.
 std::vector<Contestant> ChooseContestants(const Registry& registry, const std::vector<std::string>& specs);
 
-/// The same, but what is not named comes at each value of its parameters `numerics` and `robust`, and without
-/// `null`.
+/// The same, but what is not named comes at each value of its parameters `numerics` and `robust`, and
+/// without `null`.
 std::vector<Contestant> EveryArithmetic(const Registry& registry, const std::vector<std::string>& specs);
 
 /// Half-open evenly spaced strata with one seeded pick in each: `count` distinct indices below `n`,

@@ -20,7 +20,7 @@ uint32_t TimeBudget::Samples(double each) const {
 
 uint32_t LastStep(uint64_t rays, uint64_t least) {
   uint32_t step = 0;
-  // Whole tiles: what is left of a quarter is rounded up.
+  // Whole tiles: a quarter is rounded up.
   for (uint64_t tiles = (rays + kTile - 1) / kTile; (tiles + 3) / 4 * kTile >= least && tiles > 1; ++step)
     tiles = (tiles + 3) / 4;
   return step;

@@ -19,8 +19,8 @@ namespace {
 constexpr size_t kBoxes = 1 << 16;
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
-/// Rays from a function that makes one; what comes out invalid (origin and target fell together) is tried
-/// again.
+/// Rays from a function that makes one; it is called again after an invalid ray (origin and target
+/// fell together).
 AimedSet PerRay(const char* name, uint64_t seed, std::function<rb_ray(Random&)> make) {
   Hash64 hash;
   hash.Add(std::string_view(name));
@@ -194,7 +194,10 @@ rb_ray GrazingRay(const Aim& aim, Random& random) {
   const Vec3d a = ToDouble(scene.positions[t[0]]), e = ToDouble(scene.positions[t[1]]) - a,
               f = ToDouble(scene.positions[t[2]]) - a;
   double u = random.NextDouble(), v = random.NextDouble();
-  if (u + v > 1) u = 1 - u, v = 1 - v;
+  if (u + v > 1) {
+    u = 1 - u;
+    v = 1 - v;
+  }
   const double x = Between(random, -1, 1), y = Between(random, -1, 1);
   const Vec3d inside = a + e * u + f * v, way = e * x + f * y;
   const double length = Length(way);
@@ -289,7 +292,7 @@ struct Family {
 constexpr Family kFamilies[] = {
     {"random", Needs::kNothing, [](const Aim& aim, Random& r) { return RandomRay(aim.bounds(), r); },
      "isotropic lines through the bounding sphere"},
-    {"camera", Needs::kNothing, nullptr, "one a pixel of a square picture"},
+    {"camera", Needs::kNothing, nullptr, "one per pixel of a square picture"},
     {"aimed_vertex", Needs::kTriangles,
      [](const Aim& aim, Random& r) {
        const Vec3f org = aim.Origin(r);
@@ -308,7 +311,7 @@ constexpr Family kFamilies[] = {
      "one or two components +0 or -0, at vertices and edges and in faces of the scene's bounds"},
     {"grazing", Needs::kTriangles, &GrazingRay, "in a triangle's plane but for a few ulp"},
     {"planes", Needs::kBoxesOfATree, nullptr,
-     "at faces, edges and corners of boxes of the very tree, across and within them"},
+     "at faces, edges and corners of boxes of the tested tree, across and within them"},
     {"far", Needs::kNothing, &FarRay, "from 1e3 to 1e6 scene sizes away, at vertices and edges"}};
 
 }  // namespace

@@ -33,7 +33,10 @@ void CheckFamilyNames(const char* option, const std::vector<std::string>& names,
       continue;
     std::vector<std::string_view> known;
     std::vector<std::string> labels;
-    for (const RayFamily& family : families) known.push_back(family.name), labels.push_back(Label(family));
+    for (const RayFamily& family : families) {
+      known.push_back(family.name);
+      labels.push_back(Label(family));
+    }
     const std::string_view kind = std::string_view(name).substr(0, name.find('.'));
     const bool numbered =
         std::any_of(families.begin(), families.end(), [](const RayFamily& f) { return f.numbered; });

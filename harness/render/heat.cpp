@@ -96,7 +96,7 @@ int RenderHeat(const Registry& registry, const Scene& scene, const RenderHeatOpt
       reports.emplace();
     } catch (const InputError& error) {
       throw InputError(
-          fmt::format("a sheet of heat maps is drawn by Python: {}; .exr needs none", error.what()));
+          fmt::format("Python draws a sheet of heat maps: {}; an .exr needs no Python", error.what()));
     }
   }
 
@@ -111,7 +111,8 @@ int RenderHeat(const Registry& registry, const Scene& scene, const RenderHeatOpt
 
   update(0, "rendering");
   TraceOptions trace;
-  trace.width = options.width, trace.height = options.height;
+  trace.width = options.width;
+  trace.height = options.height;
   trace.max_depth = options.depth;
   trace.threads = options.threads;
   trace.progress = [&](double fraction) { update(fraction, "rendering"); };
@@ -130,7 +131,8 @@ int RenderHeat(const Registry& registry, const Scene& scene, const RenderHeatOpt
     const Tree tree(contestant, geometry, build);
     c.build_seconds = watch.Elapsed().wall;
     HeatOptions heat;
-    heat.width = options.width, heat.height = options.height;
+    heat.width = options.width;
+    heat.height = options.height;
     heat.threads = options.threads;
     heat.progress = [&](double fraction) { update(fraction, "counting " + c.spec); };
     c.map = CountPerPixel(scene, tree, heat);

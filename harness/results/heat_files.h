@@ -13,8 +13,8 @@ namespace raybench {
 /// existing folder is gone on with, so that an interrupted run keeps what it has counted.
 class HeatFiles {
  public:
-  /// Creates the folder. `picture`: the scene seen by the same camera, relative to `folder`. Throws
-  /// InputError.
+  /// Creates the folder. `picture`: the scene seen by the same camera, relative to `folder`.
+  /// Throws InputError.
   HeatFiles(std::filesystem::path folder, const std::string& scene, const std::string& picture);
 
   bool Has(const std::string& spec) const;

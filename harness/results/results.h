@@ -1,5 +1,5 @@
-// The files a run leaves (reports/README.md). One JSON file a finished case is the source; both CSVs are
-// derived.
+// The files a run leaves (reports/README.md). One JSON file a finished case is the source; both CSVs
+// are derived.
 #pragma once
 
 #include <filesystem>
@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "harness/base/columns.h"
 #include "accel/base/files.h"
+#include "harness/base/columns.h"
 #include "harness/measure/measure.h"
 #include "harness/plan/plan.h"
 
@@ -24,8 +24,8 @@ struct FinishedCase {
 
 class ResultFolder {
  public:
-  /// Creates the folder. Throws InputError when it holds cases already and `resume` is not set, or cannot be
-  /// made.
+  /// Creates the folder. Throws InputError when it holds cases already and `resume` is not set, or cannot
+  /// be made.
   ResultFolder(std::filesystem::path path, bool resume);
 
   const std::filesystem::path& path() const { return path_; }

@@ -54,7 +54,8 @@ std::string PerRay(const Rows& rows, ColumnOf<ColumnType::kNumber> counter) {
     const auto value = row->Get(counter);
     if (!value || row->Get(column::query) != "closest") continue;
     const double n = double(*row->Get(column::rays));
-    sum += *value * n, rays += n;
+    sum += *value * n;
+    rays += n;
   }
   return rays > 0 ? FormatFigure(sum / rays) : "-";
 }

@@ -33,9 +33,9 @@ namespace raybench {
 namespace fs = std::filesystem;
 namespace {
 
-/// Rays that are traced beforehand, through camera and anywhere half of them, to learn what a scene costs a
-/// structure; and the largest scene on which all are built for that. Larger ones cost more to build than to
-/// ask.
+/// Rays that are traced beforehand, through camera and anywhere half of them, to learn what a scene costs
+/// a structure; and the largest scene on which all are built for that. Larger ones cost more to build than
+/// to ask.
 constexpr uint64_t kProbeRays = 512, kLargestProbed = 300000;
 
 /// Seconds that drawing the report takes, more or less.
@@ -164,7 +164,7 @@ class Run {
     warnings_.push_back(text);
   }
 
-  /// Before anything is written: what is wrong with a file is said now.
+  /// Before anything is written, so that faults of a file are reported first.
   void ReadRayFiles() {
     if (ray_files_.empty()) return;
     std::vector<const Scene*> scenes;
@@ -178,8 +178,8 @@ class Run {
 
   // ---- what is left ----
 
-  /// Learns the prices of a scene for all that are not linear, so that what is slow on a scene to come is
-  /// known from the start.
+  /// Learns the costs on a scene of all structures that are not linear, so that slow ones are known before
+  /// later scenes.
   void Probe(size_t index) {
     const SceneRecord& record = scenes_[index];
     const Scene& scene = record.scene;
@@ -313,7 +313,7 @@ class Run {
     std::fflush(stdout);
     if (interrupted) {
       progress_.Say(fmt::format(
-          "interrupted: {} finished cases are kept; the same command with --out {} --resume goes on",
+          "interrupted: {} finished cases are kept; the same command with --out {} --resume continues",
           cases.size(), folder));
       return 130;
     }
@@ -330,7 +330,7 @@ class Run {
       return 1;
     }
     if (context_->seen > 0 && context_->taken == 0) {
-      throw InputError(fmt::format("--benchmark_filter={}: none of the {} cases is named so; the last is {}",
+      throw InputError(fmt::format("--benchmark_filter={}: none of the {} cases matches; the last is {}",
                                    engine_.filter(), context_->seen, context_->last_name));
     }
     if (std::none_of(cases.begin(), cases.end(), is("timed"))) {

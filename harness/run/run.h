@@ -6,9 +6,9 @@
 
 namespace raybench {
 
-/// Does it all and returns the exit code: 0; 1 if a claim was broken; 3 if the default model could not be
-/// had; 130 if interrupted (what is finished is on disk, CSVs included). Prints the table to stdout,
-/// everything else to stderr. Throws InputError before anything is written to disk where it can.
+/// Does a whole run and returns the exit code: 0; 1 if a claim was broken; 3 if the default model could not
+/// be fetched; 130 if interrupted (finished cases are on disk, CSVs included). Prints the table to stdout,
+/// everything else to stderr. Throws InputError before anything is written to disk if possible.
 int RunBenchmark(const Registry& registry, const RunOptions& options);
 
 }  // namespace raybench

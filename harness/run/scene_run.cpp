@@ -25,8 +25,8 @@
 namespace raybench {
 namespace {
 
-/// What is linear (RB_LINEAR) is left out where one pass would look at more primitives than this, about half
-/// a second; in a quick run a quarter of it.
+/// A linear structure (RB_LINEAR) is left out where one pass would test more primitives than this, about half
+/// a second; in a quick run a quarter of that.
 constexpr double kLinearBudget = 0x1p25;
 
 /// Triangles whose overlap with strange nodes is measured, and lines that meet bounds; also of a quick run.
@@ -89,8 +89,8 @@ void SceneRun::Prepare() {
   for (SourcedSet& s : sourced) sets_.push_back({std::move(s), {}, {}});
   for (const PreparedSet& s : sets_) {
     if (s.set.invalid_rays > 0)
-      Note(fmt::format("{}: {} of {} rays are invalid and taken for misses", s.set.Label(),
-                       s.set.invalid_rays, s.set.rays.size()));
+      Note(fmt::format("{}: {} of {} rays are invalid and count as misses", s.set.Label(), s.set.invalid_rays,
+                       s.set.rays.size()));
   }
   for (const Contestant& contestant : context_.contestants) entrants_.push_back(PlanEntrant(contestant));
   if (std::all_of(entrants_.begin(), entrants_.end(),
@@ -111,7 +111,8 @@ void SceneRun::Measure() {
   if (!entrants_.empty()) {
     size_t most = 0;
     for (const PreparedSet& s : sets_) most = std::max(most, s.set.rays.size());
-    answers_.emplace(most), counted_.emplace(most);
+    answers_.emplace(most);
+    counted_.emplace(most);
     ladder_.emplace(sets_, *answers_, context_.budget, context_.engine.min_time().value_or(0), options_.seed);
     for (Entrant* entrant : AnchorsFirst(entrants_)) {
       Enter(*entrant);
@@ -156,8 +157,8 @@ Entrant SceneRun::PlanEntrant(const Contestant& contestant) {
   const std::string not_taken = WhyNotTaken(*contestant.structure, scene());
   const auto plan = [&](const Case& c, size_t set, const std::string& why) {
     entrant.cases.push_back({c, set, why});
-    // Scenes are planned one after the other, and ray sets known only then; so the place is (scene, place
-    // within).
+    // Scenes are planned one after the other, and ray sets known only then; so the place is (scene,
+    // place within).
     entrant.cases.back().key.plan_index = (uint64_t{index_} << 32) + plan_size_++;
   };
   for (uint32_t threads : context_.BuildThreads()) {
@@ -228,7 +229,7 @@ void SceneRun::Enter(Entrant& entrant) {
   const bool anchors = anchor_ == nullptr && !entrant.Is("null");
   const bool nothing_to_do = std::all_of(entrant.cases.begin(), entrant.cases.end(),
                                          [&](const PlannedCase& c) { return !c.skip.empty() || Done(c); });
-  // On a resumed run, who has its times already can still be the anchor of the others.
+  // In a resumed run, a structure that is already timed can still be the anchor of the others.
   const bool was_timed = std::any_of(entrant.cases.begin(), entrant.cases.end(), [&](const PlannedCase& c) {
     return !c.key.IsBuild() && context_.results.IsTimed(c.key.Id());
   });
@@ -399,7 +400,8 @@ std::vector<SceneRun::Open> SceneRun::OpenCases() {
     for (const PlannedCase& c : entrant->cases) {
       if (!c.skip.empty() || Done(c)) continue;
       Row values = entrant->ValuesOf(c);
-      ++context_.seen, context_.last_name = c.Name();
+      ++context_.seen;
+      context_.last_name = c.Name();
       if (context_.engine.Takes(c.Name())) {
         ++context_.taken;
         open.push_back({entrant, &c, std::move(values)});

@@ -62,7 +62,7 @@ class SceneRun {
 
   /// Gets the ray sets, plans the cases and asks for truth.
   void Prepare();
-  /// Builds, judges and times what is not done yet. Throws InterruptedError; what is finished is stored.
+  /// Builds, judges and times all unfinished cases. Throws InterruptedError; finished cases are stored.
   void Measure();
 
  private:

@@ -7,7 +7,7 @@
 namespace raybench {
 namespace {
 
-/// Timing costs what the budget says, whoever it is.
+/// Timing costs what the budget says, with every structure.
 std::string LearnsAs(Work work, const std::string& who) {
   return work == Work::kTiming || work == Work::kFirstPasses ? "" : who;
 }
@@ -45,7 +45,7 @@ void Schedule::Begin(Work work, std::span<const std::string> who, std::string wh
 
 void Schedule::Update(double fraction) {
   const double elapsed = progress_.Elapsed() - piece_->begin;
-  // Its parts may differ much: what is done says the more, the more it is.
+  // Its parts may differ much, so the finished share counts the more, the larger it is.
   const double expected = std::max(0.0, piece_->expected - elapsed);
   const double rest = fraction > 0 ? elapsed * (1 - fraction) + (1 - fraction) * expected : expected;
   const double others = costs_.Left() - costs_.Expect(piece_->work, piece_->learner, piece_->guess);

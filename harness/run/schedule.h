@@ -12,8 +12,8 @@
 
 namespace raybench {
 
-/// The work on all scenes, planned piece by piece in seconds as guessed, and the piece that is under way. Who
-/// does a piece is a structure's short form, or empty.
+/// The work on all scenes, planned piece by piece in guessed seconds, and the piece that is under way. `who`
+/// does a piece: a structure's short form, or empty for the run itself.
 class Schedule {
  public:
   explicit Schedule(Progress& progress) : progress_(progress) {}
@@ -25,7 +25,10 @@ class Schedule {
   void Forget(size_t scene, const std::string* who = nullptr);
 
   /// The pieces that follow are of this scene.
-  void Enter(size_t scene, std::string name) { scene_ = scene, scene_name_ = std::move(name); }
+  void Enter(size_t scene, std::string name) {
+    scene_ = scene;
+    scene_name_ = std::move(name);
+  }
   /// A piece begins; the last one has ended.
   void Begin(Work work, std::span<const std::string> who, std::string what);
   void Begin(Work work, const std::string& who, std::string what) {

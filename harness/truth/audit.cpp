@@ -117,7 +117,9 @@ std::string AuditTruth(const Scene& scene, const rb_ray& ray, const Truth& truth
       CGAL::Bbox_3 box;
       for (size_t k = 0; k < 3; ++k) {
         const Vec3f p = scene.positions[scene.triangles[prim][k]];
-        key[3 * k] = p.x, key[3 * k + 1] = p.y, key[3 * k + 2] = p.z;
+        key[3 * k] = p.x;
+        key[3 * k + 1] = p.y;
+        key[3 * k + 2] = p.z;
         box += CGAL::Bbox_3(p.x, p.y, p.z, p.x, p.y, p.z);
       }
       if (!CGAL::do_intersect(cheap_line, box)) continue;

@@ -29,7 +29,8 @@ void BoxTree::Split(uint32_t first, uint32_t count) {
     return x != y ? x < y : a < b;
   });
   Split(first, count / 2);
-  nodes_[node].count = 0, nodes_[node].first = uint32_t(nodes_.size());
+  nodes_[node].count = 0;
+  nodes_[node].first = uint32_t(nodes_.size());
   Split(first + count / 2, count - count / 2);
 }
 

@@ -20,8 +20,14 @@ class BoxTree {
   struct Box {
     Vec3d lo{kInfinity, kInfinity, kInfinity}, hi{-kInfinity, -kInfinity, -kInfinity};
 
-    void Extend(Vec3d p) { lo = Min(lo, p), hi = Max(hi, p); }
-    void Extend(const Box& other) { lo = Min(lo, other.lo), hi = Max(hi, other.hi); }
+    void Extend(Vec3d p) {
+      lo = Min(lo, p);
+      hi = Max(hi, p);
+    }
+    void Extend(const Box& other) {
+      lo = Min(lo, other.lo);
+      hi = Max(hi, other.hi);
+    }
   };
 
   /// Splits at the median of the widest axis.
@@ -50,7 +56,8 @@ class BoxTree {
         if (Entry(line, boxes_[item], from, to) <= to) to = visit(item);
       }
       if (node.count > 0) continue;
-      push(open.node + 1), push(node.first);
+      push(open.node + 1);
+      push(node.first);
       if (size >= 2 && stack[size - 1].entry > stack[size - 2].entry)
         std::swap(stack[size - 1], stack[size - 2]);
     }
@@ -81,7 +88,8 @@ class BoxTree {
         continue;
       }
       const double t0 = a / line.dir[k], t1 = b / line.dir[k];
-      from = std::max(from, std::min(t0, t1)), to = std::min(to, std::max(t0, t1));
+      from = std::max(from, std::min(t0, t1));
+      to = std::min(to, std::max(t0, t1));
     }
     return from <= to ? from : kNone;
   }

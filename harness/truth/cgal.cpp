@@ -300,7 +300,7 @@ class CgalOracle final : public JudgingOracle {
     Truth truth;
     std::vector<Crossing> crossings = Crossings(ray, truth.coplanar);
     if (crossings.empty()) return truth;
-    // What may round to the float of the nearest stays.
+    // Keeps all that may round to the same float as the nearest.
     float latest = std::numeric_limits<float>::infinity();
     for (const Crossing& c : crossings) latest = std::min(latest, AnswerableT(float(c.t + c.error), ray));
     std::erase_if(crossings, [&](const Crossing& c) { return float(c.t - c.error) > latest; });
@@ -318,7 +318,11 @@ class CgalOracle final : public JudgingOracle {
       if (adjacency_.Representative(prim) != adjacency_.Representative(truth.tied.back())) {
         const exact::Ratio ratio = Ratio(ray, prim);
         order = exact::Compare(ratio, best);
-        if (order < 0) best = ratio, truth.tied.clear(), meeting = crossings[i].meeting;
+        if (order < 0) {
+          best = ratio;
+          truth.tied.clear();
+          meeting = crossings[i].meeting;
+        }
       }
       if (order <= 0) truth.tied.push_back(prim);
     }

@@ -127,7 +127,8 @@ BoxTree MakeTree(const Scene& scene, uint32_t first) {
     BoxTree::Box& box = boxes[i];
     const auto ball = [&](Vec3f center, float radius) {
       const double r = std::fabs(radius);
-      box.Extend(ToDouble(center) - Vec3d{r, r, r}), box.Extend(ToDouble(center) + Vec3d{r, r, r});
+      box.Extend(ToDouble(center) - Vec3d{r, r, r});
+      box.Extend(ToDouble(center) + Vec3d{r, r, r});
     };
     const auto corners = [&](std::span<const uint32_t> vertices) {
       for (uint32_t v : vertices) box.Extend(ToDouble(scene.positions[v]));
@@ -213,7 +214,11 @@ void ExactTruth::Join(const rb_ray& ray, Truth& truth) const {
     if (truth.tied.empty() || !AreCopies(truth.tied.back(), m.prim)) {
       Surd t = Exact(ray, m);
       if (best) order = Compare(t, *best);
-      if (order < 0) best = std::move(t), truth.tied.clear(), truth.feature = m.feature;
+      if (order < 0) {
+        best = std::move(t);
+        truth.tied.clear();
+        truth.feature = m.feature;
+      }
     } else {
       order = 0;
     }
@@ -298,7 +303,8 @@ void ExactTruth::MeetCurved(const rb_ray& ray, uint32_t prim, Meetings& found) c
     const Cone& c = scene_.cones[i];
     const Vec3d base = ToDouble(c.base), apex = ToDouble(c.apex);
     start = Dot((base + apex) * 0.5 - o, d) / Dot(d, d);
-    has_rims = true, inside_only = c.base_radius < 0 || c.apex_radius < 0;
+    has_rims = true;
+    inside_only = c.base_radius < 0 || c.apex_radius < 0;
     q = ConeQuadratic<Approx>(moved_from(base), ToApprox(d), Difference(apex, base),
                               {std::fabs(c.base_radius)}, {std::fabs(c.apex_radius)});
   }
@@ -346,7 +352,8 @@ ExactTruth::Face ExactTruth::MakeFace(const Polygon& polygon) const {
   face.lo = face.hi = at(0);
   int low = std::numeric_limits<int>::max();
   for (size_t i = 0; i < corners.size(); ++i) {
-    face.lo = Min(face.lo, at(i)), face.hi = Max(face.hi, at(i));
+    face.lo = Min(face.lo, at(i));
+    face.hi = Max(face.hi, at(i));
     low = std::min(low, LowestBit(at(i)));
   }
   face.shift = -low;
@@ -399,7 +406,8 @@ std::optional<Feature> ExactTruth::Outline(const rb_ray& ray, const Polygon& pol
         inside ^= (turn > 0) == (side_a > 0);
       }
     }
-    a = b, side_a = side_b;
+    a = b;
+    side_a = side_b;
   }
   if (inside && !feature) feature = Feature::kInterior;
   return feature;

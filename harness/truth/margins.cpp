@@ -41,12 +41,15 @@ class ConeChord {
     axis_ = ToDouble(c.apex) - base;
     height_ = Length(axis_);
     const double r0 = std::fabs(c.base_radius), r1 = std::fabs(c.apex_radius);
-    mean_ = 0.5 * (r0 + r1), slope_ = (r1 - r0) / height_;
+    mean_ = 0.5 * (r0 + r1);
+    slope_ = (r1 - r0) / height_;
     const Vec3d from = ToDouble(LoadVec3(ray.org)) - (base + axis_ * 0.5);
     start = -Dot(from, d) / Dot(d, d);
     const Vec3d q = from + d * start;
-    h0_ = Dot(q, axis_) / height_, h1_ = Dot(d, axis_) / height_;
-    q_ = q - axis_ * (h0_ / height_), d_ = d - axis_ * (h1_ / height_);
+    h0_ = Dot(q, axis_) / height_;
+    h1_ = Dot(d, axis_) / height_;
+    q_ = q - axis_ * (h0_ / height_);
+    d_ = d - axis_ * (h1_ / height_);
     length = Length(d);
     shift = 16 * kU * (Length(from) + height_ + std::max(r0, r1));
   }
@@ -128,7 +131,9 @@ struct Outline {
     const auto corner_of = [&](uint32_t vertex) {
       const Vec3d a = ToDouble(scene.positions[vertex]) - o;
       const double shear_x = d[kx] / d[kz] * a[kz], shear_y = d[ky] / d[kz] * a[kz], z = a[kz] / d[kz];
-      lo = std::min(lo, z), hi = std::max(hi, z), reach = std::max(reach, Length(a));
+      lo = std::min(lo, z);
+      hi = std::max(hi, z);
+      reach = std::max(reach, Length(a));
       return Corner{a[kx] - shear_x, a[ky] - shear_y,
                     4 * kU * (std::fabs(a[kx]) + std::fabs(shear_x)) + kTiny,
                     4 * kU * (std::fabs(a[ky]) + std::fabs(shear_y)) + kTiny};
@@ -159,7 +164,8 @@ std::pair<double, double> Inside(const rb_ray& ray, const Bounds3& box) {
       if (a > 0 || b < 0) return {1, 0};
       continue;
     }
-    lo = std::max(lo, std::min(a / d, b / d)), hi = std::min(hi, std::max(a / d, b / d));
+    lo = std::max(lo, std::min(a / d, b / d));
+    hi = std::min(hi, std::max(a / d, b / d));
   }
   return {lo, hi};
 }
@@ -177,13 +183,17 @@ Appraisal AppraisePolygon(const Scene& scene, const rb_ray& ray, uint32_t index,
   result.possible = outline.inside || outline.near_edge;
   result.grazing = outline.near_edge;
   const double rounding = 12 * kU * std::max(std::fabs(outline.lo), std::fabs(outline.hi));
-  result.t = 0.5 * (outline.lo + outline.hi), result.t_error = 0.5 * (outline.hi - outline.lo) + rounding;
+  result.t = 0.5 * (outline.lo + outline.hi);
+  result.t_error = 0.5 * (outline.hi - outline.lo) + rounding;
   const PolygonPlane& plane = scene.PlaneOfPolygon(index);
   const double toward = Dot(plane.normal, ToDouble(LoadVec3(ray.dir)));
   const double t = Dot(plane.normal, plane.center - ToDouble(LoadVec3(ray.org))) / toward;
   const double error = 16 * kU * outline.reach * Length(plane.normal) / std::fabs(toward) + rounding;
   const auto [lo, hi] = Inside(ray, TightBounds(scene, scene.polygons[index]));
-  if (t >= lo && t <= hi && error < result.t_error) result.t = t, result.t_error = error;
+  if (t >= lo && t <= hi && error < result.t_error) {
+    result.t = t;
+    result.t_error = error;
+  }
   return result;
 }
 

@@ -106,9 +106,9 @@ class Oracle {
   virtual UvTruth Uv(const rb_ray& ray, const rb_hit& answer) const = 0;
   /// Derives the truth of `count` of these rays, chosen by `seed`, a second time by arithmetic that shares
   /// nothing with Ask() but the search for triangles near the ray; where there are procedural primitives,
-  /// only what is true of the triangles among them. Returns how many it was: all if they are
-  /// fewer than `count`, 0 from an oracle that has no second arithmetic. Throws std::logic_error with the
-  /// ray, its numbers in hexadecimal, where the two disagree; then no verdict may be trusted.
+  /// only what is true of the triangles among them. Returns how many were derived: all if there are fewer
+  /// than `count`, 0 from an oracle that has no second arithmetic. Throws std::logic_error with the ray,
+  /// its numbers in hexadecimal, where the two disagree; then no verdict may be trusted.
   virtual uint64_t Audit(std::span<const rb_ray> rays, std::span<const Truth> truth, uint64_t seed,
                          uint64_t count) const;
   virtual std::string Name() const = 0;  ///< such as "cgal 5.5.1 (epick, exact order)"
@@ -137,7 +137,7 @@ VerdictCounts JudgeAll(const Oracle& oracle, uint32_t query_kind, std::span<cons
                        std::vector<Judged>* judged = nullptr, bool has_uv = true);
 
 /// Where the ray ends: at tfar, or where t is no float any more. By the contract a hit with no finite t is
-/// none: whoever says what is true keeps to this, oracles and audit.
+/// none. Oracles and audit all keep to this.
 inline float LastT(const rb_ray& ray) { return std::min(ray.tfar, std::numeric_limits<float>::max()); }
 
 /// |answer - truth| in ulp of float at the truth.

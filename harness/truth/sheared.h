@@ -32,9 +32,9 @@ struct Sheared {
     const double sx = d[kx] / d[kz], sy = d[ky] / d[kz];
     for (size_t i = 0; i < 3; ++i) {
       const Vec3d a = p[i] - o;
-      x[i] = a[kx] - sx * a[kz],
+      x[i] = a[kx] - sx * a[kz];
       dx[i] = 4 * kFloatEps * (std::fabs(a[kx]) + std::fabs(sx * a[kz])) + kFloatTiny;
-      y[i] = a[ky] - sy * a[kz],
+      y[i] = a[ky] - sy * a[kz];
       dy[i] = 4 * kFloatEps * (std::fabs(a[ky]) + std::fabs(sy * a[kz])) + kFloatTiny;
       z[i] = a[kz] / d[kz];
     }
@@ -52,8 +52,10 @@ struct Sheared {
   bool BoxHolds(std::initializer_list<int> vertices) const {
     bool left = false, right = false, below = false, above = false;
     for (int i : vertices) {
-      left |= x[i] - dx[i] <= 0, right |= x[i] + dx[i] >= 0;
-      below |= y[i] - dy[i] <= 0, above |= y[i] + dy[i] >= 0;
+      left |= x[i] - dx[i] <= 0;
+      right |= x[i] + dx[i] >= 0;
+      below |= y[i] - dy[i] <= 0;
+      above |= y[i] + dy[i] >= 0;
     }
     return left && right && below && above;
   }
@@ -62,7 +64,10 @@ struct Sheared {
   }
   bool Possible() const {
     bool positive = true, negative = true;
-    for (int i = 0; i < 3; ++i) positive &= edge[i] >= -bound[i], negative &= edge[i] <= bound[i];
+    for (int i = 0; i < 3; ++i) {
+      positive &= edge[i] >= -bound[i];
+      negative &= edge[i] <= bound[i];
+    }
     return (positive || negative) && BoxHolds({0, 1, 2});
   }
   /// Parity of how often the triangle covers the ray.
@@ -82,14 +87,18 @@ struct Sheared {
     const double det = edge[0] + edge[1] + edge[2], slack = bound[0] + bound[1] + bound[2];
     const auto [lo, hi] = std::minmax({z[0], z[1], z[2]});
     const double rounding = 12 * kFloatEps * std::max(std::fabs(lo), std::fabs(hi));
-    result.t = 0.5 * (lo + hi), result.t_error = 0.5 * (hi - lo) + rounding;
+    result.t = 0.5 * (lo + hi);
+    result.t_error = 0.5 * (hi - lo) + rounding;
     if (std::fabs(det) <= 2 * slack) return result;
     double t = 0, weighted = 0;
     for (int i = 0; i < 3; ++i) t += edge[i] * z[i];
     t /= det;
     for (int i = 0; i < 3; ++i) weighted += bound[i] * std::fabs(z[i] - t);
     const double error = weighted / (std::fabs(det) - slack) + rounding;
-    if (error < result.t_error) result.t = t, result.t_error = error;
+    if (error < result.t_error) {
+      result.t = t;
+      result.t_error = error;
+    }
     return result;
   }
 };

@@ -50,12 +50,17 @@ Int ToInt(double x, int shift) {
 }
 
 Surd::Surd(Int h_, int s_, Int q_, Int a_) : h(std::move(h_)), s(s_), q(std::move(q_)), a(std::move(a_)) {
-  if (a.sign() < 0) h = -h, a = -a, s = -s;
+  if (a.sign() < 0) {
+    h = -h;
+    a = -a;
+    s = -s;
+  }
 }
 
 Surd::Surd(double value) : s(0), q(0) {
   const int shift = value == 0 ? 0 : std::max(0, -LowestBit(value));
-  h = ToInt(value, shift), a = Int(1) << shift;
+  h = ToInt(value, shift);
+  a = Int(1) << shift;
 }
 
 Surd::Surd(const exact::Ratio& ratio) : s(0), q(0) {
@@ -67,7 +72,8 @@ Surd::Surd(const exact::Ratio& ratio) : s(0), q(0) {
     for (int i = 0; i < e.size; ++i) total += ToInt(e.term[i], -low);
     return total;
   };
-  h = sum(ratio.numerator), a = sum(ratio.denominator);
+  h = sum(ratio.numerator);
+  a = sum(ratio.denominator);
 }
 
 int SignOf(const Int& a, const Int& b, const Int& q) {

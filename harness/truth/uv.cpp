@@ -26,7 +26,8 @@ UvTruth TrueUvAlong(int axis, const Scene& scene, const rb_ray& ray, uint32_t pr
     return edges + 4 * kFloatEps * std::max(1.0, std::fabs(weight));
   };
   UvTruth uv{true, s.edge[1] / det, s.edge[2] / det};
-  uv.u_bound = bound(1, uv.u), uv.v_bound = bound(2, uv.v);
+  uv.u_bound = bound(1, uv.u);
+  uv.v_bound = bound(2, uv.v);
   return uv;
 }
 
@@ -39,7 +40,8 @@ UvTruth TrueUv(const Scene& scene, const rb_ray& ray, const rb_hit& answer) {
     const UvTruth along = TrueUvAlong(axis, scene, ray, answer.prim);
     if (!along.known) return {};
     if (!uv.known) uv = along;
-    uv.u_bound = std::max(uv.u_bound, along.u_bound), uv.v_bound = std::max(uv.v_bound, along.v_bound);
+    uv.u_bound = std::max(uv.u_bound, along.u_bound);
+    uv.v_bound = std::max(uv.v_bound, along.v_bound);
   }
   return uv;
 }

@@ -104,7 +104,8 @@ Patch Surround(const Scene& scene, const Adjacency& adjacency, const rb_ray& ray
   Patch patch = {.near_edge = false, .sealed = true};
   for (int axis : MainAxes(ray)) {
     const Patch along = SurroundAlong(axis, scene, adjacency, ray, triangle, end);
-    patch.near_edge |= along.near_edge, patch.sealed &= along.sealed;
+    patch.near_edge |= along.near_edge;
+    patch.sealed &= along.sealed;
   }
   return patch;
 }
@@ -339,7 +340,10 @@ uint64_t VerdictCounts::plain_errors() const {
 }
 
 void VerdictCounts::Add(const VerdictCounts& more) {
-  rays += more.rays, strict += more.strict, uv_judged += more.uv_judged, uv_wrong += more.uv_wrong;
+  rays += more.rays;
+  strict += more.strict;
+  uv_judged += more.uv_judged;
+  uv_wrong += more.uv_wrong;
   for (size_t v = 0; v < size_t(Verdict::kCount); ++v) by_class[v] += more.by_class[v];
   uv_error_max = std::max(uv_error_max, more.uv_error_max);
 }
@@ -399,7 +403,8 @@ VerdictCounts JudgeAll(const Oracle& oracle, uint32_t query_kind, std::span<cons
     const auto percentile = [&](uint64_t percent) {
       return errors[(errors.size() * percent + 99) / 100 - 1];
     };  // nearest rank
-    counts.t_error_p50 = percentile(50), counts.t_error_p99 = percentile(99),
+    counts.t_error_p50 = percentile(50);
+    counts.t_error_p99 = percentile(99);
     counts.t_error_max = errors.back();
   }
   if (judged_out != nullptr) *judged_out = std::move(judged);

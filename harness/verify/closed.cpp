@@ -78,7 +78,8 @@ class Campaign {
   Campaign(const Registry& registry, const VerifyOptions& options, const std::string& name)
       : registry_(registry), options_(options), name_(name) {
     LoadOptions load;
-    load.seed = options.seed, load.drop_bad = options.drop_bad;
+    load.seed = options.seed;
+    load.drop_bad = options.drop_bad;
     scene_ = LoadWithProgress(name, load);
     if (scene_.triangles.empty())
       throw InputError(fmt::format("--closed: scene '{}' has no triangles", name));
@@ -172,8 +173,8 @@ class Campaign {
     prepared_ = seed;
   }
 
-  /// Until all are fired or Ctrl-C; returns the seconds it took. `record` is called now and then, and at the
-  /// end.
+  /// Until all are fired or Ctrl-C; returns the seconds it took. `record` is called now and then, and at
+  /// the end.
   template <class Record>
   double FireAll(const Tree& tree, uint64_t seed, const Record& record) {
     const uint64_t batches = (options_.closed + kClosedBatch - 1) / kClosedBatch;
@@ -197,7 +198,10 @@ class Campaign {
       progress_.Update(double(begin) / double(batches),
                        fmt::format("{}: {} of {} rays fired, {} misses", tree.structure().name, rays_,
                                    options_.closed, misses_));
-      if (now - recorded > kRecordSeconds) record(), recorded = now;
+      if (now - recorded > kRecordSeconds) {
+        record();
+        recorded = now;
+      }
     }
     const double seconds = watch.Elapsed().wall;
     progress_.Clear();
@@ -222,13 +226,16 @@ class Campaign {
         ++misses;
         if (examples.size() >= options_.examples) continue;
         JudgedAnswer& example = examples.emplace_back();
-        example.set = "closed", example.query = question.query;
+        example.set = "closed";
+        example.query = question.query;
         example.index = batch * kClosedBatch + begin + i;
-        example.ray = piece[i], example.hit = answers.hits[i];
+        example.ray = piece[i];
+        example.hit = answers.hits[i];
       }
     }
     const std::lock_guard lock(mutex_);
-    rays_ += n, misses_ += misses;
+    rays_ += n;
+    misses_ += misses;
     examples_.insert(examples_.end(), examples.begin(), examples.end());
     if (examples_.size() > 4096) KeepLowest();
   }

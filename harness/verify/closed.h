@@ -35,9 +35,9 @@ void FillClosedBatch(const Scene& scene, std::span<const MeshEdge> edges, const 
 inline constexpr uint64_t kClosedBatch = 1 << 16;
 
 /// Fires `options.closed` rays at each structure (default: EveryArithmetic() without linear ones) in each
-/// scene, prints a line each, and adds up in `options.ledger`. Returns the exit code: 0; 1 if a structure
+/// scene, prints a line each, and sums up in `options.ledger`. Returns the exit code: 0; 1 if a structure
 /// that claims to be watertight or exact lost a ray; 3 if a structure could not be built; 130 if interrupted:
-/// what was fired is printed and recorded. Throws InputError for a mesh that is not closed or has no inside.
+/// rays so far are printed and recorded. Throws InputError for a mesh that is not closed or has no inside.
 int RunClosed(const Registry& registry, const VerifyOptions& options);
 
 }  // namespace raybench

@@ -102,10 +102,12 @@ class Walker {
         }
         see(index_[i], hit.prim);
         ray.tnear = hit.t + epsilon;
-        rays_[left] = ray, index_[left] = index_[i];
+        rays_[left] = ray;
+        index_[left] = index_[i];
         after_[left++] = epsilon > 0 ? RAYBENCH_NONE : hit.prim;
       }
-      rays_.resize(left), index_.resize(left);
+      rays_.resize(left);
+      index_.resize(left);
     }
   }
 
@@ -139,7 +141,8 @@ class Count {
  public:
   Count(const VerifyOptions& options, const std::string& name) : options_(options), name_(name) {
     LoadOptions load;
-    load.seed = options.seed, load.drop_bad = options.drop_bad;
+    load.seed = options.seed;
+    load.drop_bad = options.drop_bad;
     scene_ = LoadWithProgress(name, load);
     const auto refuse = [&](const std::string& why) {
       throw InputError(fmt::format("--crossings: scene '{}' {}", name, why));
@@ -153,7 +156,7 @@ class Count {
     step_ = LatticeStep(scene_);
   }
 
-  /// What was counted when interrupted is kept.
+  /// The counts so far are kept when interrupted.
   void Run(const std::vector<Contestant>& contestants) {
     share_ = 1 / double(contestants.size() + 1);
     MakePoints();
@@ -238,7 +241,8 @@ class Count {
     for (const CrossingPoint& point : points_) {
       inside += point.inside;
       if (audited.size() == kAudited) continue;
-      audited.push_back(point.at), places.push_back(point.inside ? Place::kInside : Place::kOutside);
+      audited.push_back(point.at);
+      places.push_back(point.inside ? Place::kInside : Place::kOutside);
     }
     arena.Run([&] { truth_->Audit(audited, places, options_.seed); });
     on_lattice_ = IsOnLattice(scene_);
@@ -309,10 +313,14 @@ class Count {
           Tally own = CountBatch(tree, tally, b);
           const std::lock_guard lock(mutex_);
           tally.points += own.points;
-          for (size_t way = 0; way < kWays; ++way)
-            tally.wrong[way] += own.wrong[way], tally.seconds[way] += own.seconds[way];
-          if (!own.flaw.empty() && (tally.flaw.empty() || b < tally.flaw_batch))
-            tally.flaw = own.flaw, tally.flaw_batch = b;
+          for (size_t way = 0; way < kWays; ++way) {
+            tally.wrong[way] += own.wrong[way];
+            tally.seconds[way] += own.seconds[way];
+          }
+          if (!own.flaw.empty() && (tally.flaw.empty() || b < tally.flaw_batch)) {
+            tally.flaw = own.flaw;
+            tally.flaw_batch = b;
+          }
           // The first ones, whatever threads found them.
           auto& kept = tally.wrong_points;
           kept.insert(kept.end(), own.wrong_points.begin(), own.wrong_points.end());
@@ -447,7 +455,10 @@ void WriteCsv(const std::string& out, const std::vector<Row>& rows) {
 Bounds3 DrawnBounds(const Scene& scene) {
   Bounds3 box = scene.bounds();
   const float margin = LargestExtent(box.lo, box.hi) / 16;
-  for (int k = 0; k < 3; ++k) box.lo[k] -= margin, box.hi[k] += margin;
+  for (int k = 0; k < 3; ++k) {
+    box.lo[k] -= margin;
+    box.hi[k] += margin;
+  }
   return box;
 }
 
@@ -504,7 +515,10 @@ uint64_t FillCrossingBatch(const Scene& scene, std::span<const MeshEdge> edges, 
   const auto triangle_point = [&] {
     const exact::Corners p = CornersOf(scene, random.Below(scene.triangles.size()));
     double u = random.NextDouble(), v = random.NextDouble();
-    if (u + v > 1) u = 1 - u, v = 1 - v;
+    if (u + v > 1) {
+      u = 1 - u;
+      v = 1 - v;
+    }
     return ToFloat(p[0] + (p[1] - p[0]) * u + (p[2] - p[0]) * v);
   };
 
@@ -512,7 +526,8 @@ uint64_t FillCrossingBatch(const Scene& scene, std::span<const MeshEdge> edges, 
   for (CrossingPoint& point : points) {
     for (;;) {
       const uint64_t bits = random.NextBits();
-      point.axis = uint8_t((bits >> 8) % 3), point.backward = (bits >> 3 & 1) != 0;
+      point.axis = uint8_t((bits >> 8) % 3);
+      point.backward = (bits >> 3 & 1) != 0;
       for (int k = 0; k < 3; ++k)
         point.at[k] = snap(box.lo[k] + random.NextDouble() * (double(box.hi[k]) - box.lo[k]));
       // 0 to 3: uniform.
@@ -521,7 +536,8 @@ uint64_t FillCrossingBatch(const Scene& scene, std::span<const MeshEdge> edges, 
         // The line goes through a vertex or a point of an edge, or runs between coordinates of two of them.
         const Vec3f one = kind == 4 ? vertex() : edge_point(), other = (bits >> 4 & 3) != 0 ? one : vertex();
         const int i = (point.axis + 1) % 3, j = (point.axis + 2) % 3;
-        point.at[i] = snap(one[i]), point.at[j] = snap(other[j]);
+        point.at[i] = snap(one[i]);
+        point.at[j] = snap(other[j]);
         if ((bits >> 6 & 1) != 0) point.at[point.axis] = jitter(vertex()[point.axis], 1);
       } else if (kind >= 6) {
         const Vec3f near = kind == 6 ? vertex() : triangle_point();

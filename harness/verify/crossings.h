@@ -37,15 +37,15 @@ inline constexpr uint64_t kCrossingBatch = 1 << 12;
 /// The ray along the point's line from before the scene, at -2^52 steps of the lattice; tilted by an amount
 /// that is smaller than anything on the lattice, or straight. `t` becomes the point's.
 rb_ray CountingRay(const CrossingPoint& point, double step, bool tilted, double& t);
-/// Whether the line crosses the triangle behind t, if it is moved by (e, e^2, e^3), e > 0 smaller than anything
-/// else. It must not meet the triangle at t.
+/// Whether the line crosses the triangle behind t, if it is moved by (e, e^2, e^3) with e > 0 smaller than
+/// anything else. It must not meet the triangle at t.
 bool CrossesBehind(const exact::Line& line, const exact::Corners& p, double t);
 
-/// Counts `options.crossings` points with each structure (default: EveryArithmetic() without linear ones) in
-/// each scene, by the rule and by what else is usual, and prints a table a scene. Returns the exit code: 0;
-/// 1 if a structure that claims to be watertight or exact is wrong by the rule; 3 if a structure could not be
-/// built; interrupted, what was counted is printed and written. Throws InputError for a mesh that is not
-/// closed.
+/// Counts `options.crossings` points with each structure (default: EveryArithmetic() without linear ones)
+/// in each scene, by the rule and by the usual ways, and prints a table per scene. Returns the exit code:
+/// 0; 1 if a structure that claims to be watertight or exact is wrong by the rule; 3 if a structure could
+/// not be built; if interrupted, counts so far are printed and written. Throws InputError for a mesh
+/// that is not closed.
 int RunCrossings(const Registry& registry, const VerifyOptions& options);
 
 }  // namespace raybench

@@ -25,7 +25,7 @@ class FolderLock {
     const fs::path folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
     descriptor_ = open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (descriptor_ < 0)
-      throw InputError(fmt::format("{}: {} is no folder that can be read", file.string(), folder.string()));
+      throw InputError(fmt::format("{}: {} is not a readable folder", file.string(), folder.string()));
     while (flock(descriptor_, LOCK_EX) != 0 && errno == EINTR) {
     }
   }
@@ -80,7 +80,8 @@ std::string FlawOf(const Json& campaign) {
     const uint64_t seed = run["seed"], rays = run["rays"], misses = run["misses"];
     if (misses > rays) return fmt::format("has more misses than rays in the run with seed {}", seed);
     if (!seeds.insert(seed).second) return fmt::format("has two runs with seed {}", seed);
-    sum.rays += rays, sum.misses += misses;
+    sum.rays += rays;
+    sum.misses += misses;
   }
   if (campaign["rays"] != sum.rays || campaign["misses"] != sum.misses)
     return fmt::format("has {} rays and {} misses, but its runs add up to {} and {}",
@@ -103,7 +104,9 @@ uint64_t Ledger::Begin(const LedgerKey& key, const std::string& scene, uint64_t 
   if (campaign == nullptr) {
     Json fresh = {{"scene", scene}};
     fresh.update(KeyOf(key));
-    fresh["rays"] = 0u, fresh["misses"] = 0u, fresh["runs"] = Json::array();
+    fresh["rays"] = 0u;
+    fresh["misses"] = 0u;
+    fresh["runs"] = Json::array();
     ledger["campaigns"].push_back(std::move(fresh));
     campaign = &ledger["campaigns"].back();
   }
@@ -123,12 +126,18 @@ void Ledger::Record(const LedgerKey& key, uint64_t seed, uint64_t rays, uint64_t
   LedgerTotals sum;
   if (campaign != nullptr) {
     for (Json& run : campaign->at("runs")) {
-      if (run.at("seed") == seed) run["rays"] = rays, run["misses"] = misses, found = true;
-      sum.rays += run.at("rays").get<uint64_t>(), sum.misses += run.at("misses").get<uint64_t>();
+      if (run.at("seed") == seed) {
+        run["rays"] = rays;
+        run["misses"] = misses;
+        found = true;
+      }
+      sum.rays += run.at("rays").get<uint64_t>();
+      sum.misses += run.at("misses").get<uint64_t>();
     }
   }
   if (!found) throw InputError(fmt::format("{}: the run with seed {} is gone", path_.string(), seed));
-  campaign->at("rays") = sum.rays, campaign->at("misses") = sum.misses;
+  campaign->at("rays") = sum.rays;
+  campaign->at("misses") = sum.misses;
   Write(ledger);
 }
 
@@ -150,7 +159,7 @@ Json Ledger::ReadChecked() const {
   const Json ledger = Json::parse(text.str(), nullptr, false);
   if (!ledger.is_object() || !ledger.contains("format") || ledger["format"] != kFormat ||
       !ledger.contains("campaigns") || !ledger["campaigns"].is_array())
-    throw InputError(fmt::format("{}: is no ledger of raybench (format '{}')", path_.string(), kFormat));
+    throw InputError(fmt::format("{}: is not a ledger of raybench (format '{}')", path_.string(), kFormat));
   size_t number = 0;
   for (const Json& campaign : ledger["campaigns"]) {
     if (const std::string flaw = FlawOf(campaign); !flaw.empty())

@@ -76,7 +76,7 @@ std::string StructureLine(const VerifiedTree& tree) {
       fmt::format("{} inner nodes, {} leaves, {} references, depth {}; structure: {}", s.inner_nodes,
                   s.leaf_nodes, s.references, s.depth, s.flaw.empty() ? "ok" : "BROKEN: " + s.flaw);
   if (s.unchecked_nodes > 0)
-    line += fmt::format(" (what {} nodes enclose is not checked)", s.unchecked_nodes);
+    line += fmt::format(" (the contents of {} nodes are not checked)", s.unchecked_nodes);
   return line;
 }
 

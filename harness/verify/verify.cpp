@@ -41,8 +41,8 @@ namespace {
 constexpr uint64_t kChunk = 1 << 15;
 /// Any-hit queries are asked of every fourth ray.
 constexpr uint64_t kAnyStride = 4;
-/// Primitives that a linear structure (RB_LINEAR) which nobody named looks at for a set: a second or two where
-/// arithmetic is exact, and an eighth of that where every scene there is comes.
+/// Primitives that a linear structure (RB_LINEAR) tests per set unless it was named: a second or two in exact
+/// arithmetic, and an eighth of that with --all.
 constexpr double kLinearBudget = 0x1p25, kLinearBudgetOfAll = 0x1p22;
 
 /// Part of a ray set with its truth.
@@ -56,7 +56,8 @@ struct Chunk {
 Chunk Every(const Chunk& chunk, uint64_t stride) {
   Chunk part;
   const uint64_t skip = (stride - chunk.first % stride) % stride;
-  part.first = chunk.first + skip, part.step = stride;
+  part.first = chunk.first + skip;
+  part.step = stride;
   for (uint64_t i = skip; i < chunk.rays.rays.size(); i += stride) {
     part.rays.rays.push_back(chunk.rays.rays[i]);
     part.truth.push_back(chunk.truth[i]);
@@ -99,16 +100,29 @@ struct SceneSum {
     broken += tree.Broken() ? 1 : 0;
     for (const VerdictRow& row : tree.rows) {
       answers += row.counts.rays;
-      if (tree.claim == RB_CLAIM_WATERTIGHT)
-        watertight += row.counts.rays, leaks += row.counts.leaks(), plain += row.counts.plain_errors();
-      if (tree.claim == RB_CLAIM_EXACT)
-        exact += row.counts.rays, loose += row.counts.rays - row.counts.strict;
+      if (tree.claim == RB_CLAIM_WATERTIGHT) {
+        watertight += row.counts.rays;
+        leaks += row.counts.leaks();
+        plain += row.counts.plain_errors();
+      }
+      if (tree.claim == RB_CLAIM_EXACT) {
+        exact += row.counts.rays;
+        loose += row.counts.rays - row.counts.strict;
+      }
     }
   }
   void Add(const SceneSum& s) {
-    primitives += s.primitives, seconds += s.seconds, trees += s.trees, without += s.without;
-    broken += s.broken, answers += s.answers, watertight += s.watertight, leaks += s.leaks;
-    plain += s.plain, exact += s.exact, loose += s.loose;
+    primitives += s.primitives;
+    seconds += s.seconds;
+    trees += s.trees;
+    without += s.without;
+    broken += s.broken;
+    answers += s.answers;
+    watertight += s.watertight;
+    leaks += s.leaks;
+    plain += s.plain;
+    exact += s.exact;
+    loose += s.loose;
   }
   std::vector<std::string> Cells() const {
     std::vector<std::string> row{scene};
@@ -134,7 +148,8 @@ class Verification {
     for (const std::string& name : options_.scenes) {
       if (!seen.insert(name).second) throw InputError(fmt::format("scene '{}' is given twice", name));
       LoadOptions load;
-      load.seed = options_.seed, load.drop_bad = options_.drop_bad;
+      load.seed = options_.seed;
+      load.drop_bad = options_.drop_bad;
       scenes_.push_back(LoadWithProgress(name, load));
       if (scenes_.back().primitive_count() == 0)
         throw InputError(fmt::format("scene '{}' has no primitives", name));
@@ -159,7 +174,7 @@ class Verification {
     if (!options_.out.empty()) WriteFiles(interrupted);
     if (options_.all) fmt::print("{}\n", SumUp());
     if (interrupted) {
-      fmt::print(stderr, "interrupted: what was judged until then stands above\n");
+      fmt::print(stderr, "interrupted: the verdicts up to then are above\n");
       return 130;
     }
     return broken_ ? 1 : inconclusive_ ? 3 : 0;
@@ -189,8 +204,11 @@ class Verification {
   }
 
   void VerifyScene() {
-    entrants_.clear(), absent_.clear();
-    done_ = 0, work_ = 1, audited_ = 0;
+    entrants_.clear();
+    absent_.clear();
+    done_ = 0;
+    work_ = 1;
+    audited_ = 0;
     Update("preparing truth");
     oracle_ = MakeOracle(scene());
     BuildAll();
@@ -199,7 +217,8 @@ class Verification {
     const uint64_t planes =
         std::count_if(planes_.begin(), planes_.end(), [](const AimedSet& set) { return set.absent.empty(); });
     const uint64_t rays = options_.RaysPerSet();
-    done_ = 0, work_ = double(planes) * double(rays);
+    done_ = 0;
+    work_ = double(planes) * double(rays);
     for (const Source& source : sources) work_ += double(source.count);
     for (Source source : sources) {
       if (replayed_.empty()) source.count = rays;
@@ -287,7 +306,7 @@ class Verification {
     return sources;
   }
 
-  /// What is linear and not named gets a part of the rays.
+  /// A linear structure that was not named gets a part of the rays.
   void ThinLinear() {
     if (!options_.structures.empty() && options_.structures != std::vector<std::string>{"all"}) return;
     const double tests = double(options_.RaysPerSet()) * double(scene().primitive_count());
@@ -297,7 +316,7 @@ class Verification {
           uint64_t(std::max(1.0, std::ceil(tests / (options_.all ? kLinearBudgetOfAll : kLinearBudget))));
       if (entrant.stride > 1)
         entrant.result.notes.push_back(
-            fmt::format("gets one ray of {}, since it takes each to every primitive; when named by "
+            fmt::format("gets one ray of {}, since each is tested against every primitive; when named by "
                         "--structures it gets all",
                         entrant.stride));
     }
@@ -348,7 +367,8 @@ class Verification {
       result.contract_flaw =
           fmt::format("{} (of those from {} on, of set {})", verdicts.contract_flaw, chunk.first, row.set);
     const auto in_set = [&](JudgedAnswer answer) {
-      answer.set = row.set, answer.index = chunk.first + answer.index * chunk.step;
+      answer.set = row.set;
+      answer.index = chunk.first + answer.index * chunk.step;
       return answer;
     };
     if (verdicts.breaking && !result.breaking) result.breaking = in_set(*verdicts.breaking);
@@ -445,7 +465,9 @@ class Verification {
             file = distinct_(fmt::format("{}-{}-{}", FileStem(scene_name()), FileStem(it->first.first),
                                          QueryName(example.query))) +
                    ".rays";
-          set.kind = "example", set.order = "recorded", set.query = example.query;
+          set.kind = "example";
+          set.order = "recorded";
+          set.query = example.query;
           set.rays.push_back(example.ray);
           entry["file"] = file;
         } else {
@@ -532,10 +554,11 @@ std::array<const char*, 8> ReadNumbers(const std::string& text) {
 }  // namespace
 
 int ReplayOneRay(const Registry& registry, const VerifyOptions& options, const std::string& text) {
-  ReadNumbers(text);  // what is none is said at once
+  ReadNumbers(text);  // refuses bad text at once
   const std::vector<Contestant> contestants = EveryArithmetic(registry, options.structures);
   LoadOptions load;
-  load.seed = options.seed, load.drop_bad = options.drop_bad;
+  load.seed = options.seed;
+  load.drop_bad = options.drop_bad;
   const Scene scene = LoadWithProgress(options.scenes.at(0), load);
   const auto [ray, rounded] = ParseRay(text, scene.scale_exponent);
   const auto oracle = MakeOracle(scene);
@@ -610,7 +633,7 @@ TypedRay ParseRay(const std::string& text, int scale_exponent) {
         throw InputError(
             fmt::format("{}; {} = {} is beyond float{}", kForm, kItems[i], value,
                         std::isinf(in_file) ? "" : " at the scale at which the scene is traced"));
-      rounded += fmt::format("{}{} = {:a} ({})", rounded.empty() ? "taken to the nearest float: " : ", ",
+      rounded += fmt::format("{}{} = {:a} ({})", rounded.empty() ? "rounded to the nearest float: " : ", ",
                              kItems[i], std::ldexp(double(values[i]), -exponent), in_file);
     }
   }
@@ -618,7 +641,7 @@ TypedRay ParseRay(const std::string& text, int scale_exponent) {
       {values[0], values[1], values[2]}, values[3], {values[4], values[5], values[6]}, values[7]};
   if (!IsValidRay(ray))
     throw InputError(
-        fmt::format("{}; finite but for tfar, tnear at least 0, and not all of the direction 0", kForm));
+        fmt::format("{}; all but tfar must be finite, tnear at least 0, and the direction not 0", kForm));
   return {ray, rounded};
 }
 

@@ -35,7 +35,7 @@ struct VerifyOptions {
 
 /// Judges, prints the tables to stdout and everything else to stderr, writes files if asked to. Returns the
 /// exit code: 0; 1 if a claim, the contract or a tree is broken; 3 if a structure could not be built; 130 if
-/// interrupted (what was judged is printed and written). Throws InputError before work starts where it can.
+/// interrupted (verdicts so far are printed and written). Throws InputError before work starts if possible.
 int RunVerify(const Registry& registry, const VerifyOptions& options);
 
 /// Judges one ray, given as ParseRay() reads it, in the only scene named, and prints all that is known of it.

@@ -20,8 +20,8 @@ size_t RayCount() {
   return count != nullptr ? size_t(std::atoll(count)) : Effort(600);
 }
 
-/// Many flat boxes, some of them without any thickness, and steps between them: a plane of squares at a few
-/// heights.
+/// Many flat boxes, some of them without any thickness, and steps between them: a plane of squares at a
+/// few heights.
 Mesh Flat(int n) {
   Mesh mesh{"flat", {}, {}};
   for (int y = 0; y < n; ++y) {

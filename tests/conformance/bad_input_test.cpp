@@ -69,8 +69,8 @@ struct OddRay {
   bool hits;
 };
 
-/// Valid all of them, if odd. Where the ray starts in the middle, the primitives there are behind it or
-/// beside.
+/// Valid all of them, if odd. Where the ray starts in the middle, the primitives there are behind it
+/// or beside.
 std::vector<OddRay> OddRays() {
   auto with = [](float tnear, float tfar, Vec3f dir = {0, 0, 1}) {
     return rb_ray{{0.01f, 0.3f, 0}, tnear, {dir.x, dir.y, dir.z}, tfar};

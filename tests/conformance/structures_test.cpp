@@ -46,8 +46,8 @@ const std::vector<Mesh>& Meshes() {
   return meshes;
 }
 
-/// A mesh as a scene, with rays at what structures see of it (rescaled, without degenerate triangles), and
-/// truth.
+/// A mesh as a scene, with rays at what structures see of it (rescaled, without degenerate triangles),
+/// and truth.
 struct Known {
   Scene scene;
   std::vector<rb_ray> rays;

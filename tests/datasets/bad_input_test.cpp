@@ -126,8 +126,8 @@ TEST_P(BadFile, FacesWithoutAreaAreLeftOutAndCounted) {
   EXPECT_THAT(Load(mesh).triangle_face, ElementsAre(3));
 }
 
-// Where other libraries give up (Embree drops what lies beyond 1.8e18), a power of two brings everything
-// back.
+// Where other libraries give up (Embree drops what lies beyond 1.8e18), a power of two brings
+// everything back.
 TEST_P(BadFile, CoordinatesBeyondWhatStructuresTakeAreRescaledWithoutLoss) {
   for (double size : {1e10, 2e18, 1e30, 1e38, 1e-12, 1e-36}) {
     SCOPED_TRACE(size);

@@ -149,8 +149,8 @@ TEST(HeightFieldTest, GlobeIsClosedAndFacesOutward) {
     const Vec3f a = mesh.positions[t[0]], b = mesh.positions[t[1]], c = mesh.positions[t[2]];
     EXPECT_GT(Dot(Cross(b - a, c - a), a + b + c), 0);
   }
-  // Row 2 is the equator; column 4 of it lies on longitude 0. Its height is (20 % 7 - 3) km, 100 times too
-  // high.
+  // Row 2 is the equator; column 4 of it lies on longitude 0. Its height is (20 % 7 - 3) km, 100 times
+  // too high.
   EXPECT_NEAR(mesh.positions[1 + 8 + 4].x, 1 + 3e5 / 6371008.8, 1e-6);
   EXPECT_EQ(mesh.positions.front().x, 0);
   EXPECT_LT(mesh.positions.front().y, -0.9f);

@@ -1,5 +1,5 @@
-// NFF: every entity, errors that name the line, damaged files. The SPD's files stand in
-// tests/tracer/spd_test.cpp.
+// NFF: every entity, errors that name the line, damaged files. The SPD's files stand
+// in tests/tracer/spd_test.cpp.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

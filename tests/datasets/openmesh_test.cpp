@@ -77,8 +77,8 @@ std::vector<std::array<Vec3f, 3>> SolidCorners(const Scene& scene) {
   return all;
 }
 
-/// To the bit. Vertices of an OBJ file may become several, for their looks; the corners of an STL file are no
-/// vertices.
+/// To the bit. Vertices of an OBJ file may become several, for their looks; the corners of an STL file are
+/// no vertices.
 void ExpectSameMesh(const std::filesystem::path& path) {
   SCOPED_TRACE(path.filename().string());
   const auto [ours, theirs] = ReadersOf(path);

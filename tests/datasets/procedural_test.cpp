@@ -1,5 +1,5 @@
-// Procedural cones and polygons against long double, exact cases and each other; spheres stand in
-// tests/datasets/scene_test.cpp.
+// Procedural cones and polygons against long double, exact cases and each other; spheres stand
+// in tests/datasets/scene_test.cpp.
 #include "datasets/scene/procedural.h"
 
 #include <gmock/gmock.h>
@@ -396,8 +396,8 @@ TEST(Polygon, RandomOnesAgreeWithLongDouble) {
       const Vec3f org = ToFloat(center + random.UnitVector() * std::ldexp(1.0, int(random.Below(12)) - 3));
       const Vec3f dir = ToFloat(center + random.UnitVector() * (1.5 * random.NextDouble()) - ToDouble(org));
       const rb_ray ray = MakeRay(org, dir);
-      // In long double: the sum of signed angles' quadrants, from the crossings of the ray's right
-      // half-plane.
+      // In long double: the sum of signed angles' quadrants, from the crossings of the ray's
+      // right half-plane.
       const Vec3<long double> d{dir.x, dir.y, dir.z}, o{org.x, org.y, org.z};
       const auto wide = [&](Vec3f p) { return Vec3<long double>{p.x, p.y, p.z} - o; };
       const Vec3<long double> right = Cross(d, Vec3<long double>{0.48L, 0.6L, 0.64L}), up = Cross(d, right);

@@ -1,6 +1,6 @@
-// Bad files and bad rays through the command: one line and exit code 2 with nothing written, or, where it is
-// asked for, a run that goes on and says how much it left out. Every fault of every format:
-// tests/datasets/bad_input_test.cpp.
+// Bad files and bad rays through the command: one line and exit code 2 with nothing written, or,
+// where it is asked for, a run that goes on and says how much it left out. Every fault of every
+// format: tests/datasets/bad_input_test.cpp.
 #include <gmock/gmock.h>
 
 #include <cstring>

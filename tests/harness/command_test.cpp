@@ -76,7 +76,7 @@ TEST_F(HarnessCommand, WrongInputIsOneLineAndExitCode2) {
            {{"render", ball, "-o", (folder_ / "no/such/folder.png").string(), "--size", "8x8"}, "folder.png"},
            {{"render", "sphereflake(depth=1,tessellation=0)", "--structure", "nosuch", "-o", out + ".png"},
             "nosuch"},
-           {{"list"}, "'structure NAME', 'scene NAME'"},
+           {{"list"}, "'structure NAME' or 'scene NAME'"},
            {{"list", "scene"}, "scene"},
            {{"list", "scene", "subdivide(bunnny)"}, "bunnny"},
            {{"list", "colours"}, "colours"},
@@ -201,7 +201,7 @@ TEST_F(HarnessCommand, FetchSaysOnceWhatIsMissingAndWhatStillWorks) {
   EXPECT_EQ(outcome.out, "");
   for (const char* text :
        {"raybench: not fetched: sponza, dungeon: the program cargo is needed; install the package cargo\n",
-        "raybench: not fetched: fandisk: the program apt-get is needed", "works without a network",
+        "raybench: not fetched: fandisk: the program apt-get is needed", "work without a network",
         "set RAYBENCH_CACHE"}) {
     EXPECT_NE(outcome.err.find(text), std::string::npos) << outcome.err;
   }

@@ -47,7 +47,7 @@ TEST_F(HarnessCommand, RenderRefusesPictureOptionsThatMeanNothing) {
            {{"--background", "1,2,3,4"}, "write R,G,B"},
            {{"--background", "1,2,-3"}, "write R,G,B"},
            {{"--background", "red"}, "write R,G,B"},
-           {{"--background", "1,1,1", "--environment", "x.hdr"}, "give one of them"},
+           {{"--background", "1,1,1", "--environment", "x.hdr"}, "not both"},
            {{"--environment", "x.gif"}, "allowed are files ending in .exr, .hdr, .png, .jpg, .jpeg"},
            {{"--environment", (folder_ / "none.exr").string()}, "none.exr: no such file"},
            {{"--environment", (folder_ / "empty.hdr").string()}, "empty.hdr"},

@@ -139,7 +139,7 @@ TEST_F(HarnessRays, WhatDoesNotBelongIsRefusedBeforeAnythingIsWritten) {
            {{ball, "--rays", In("none")}, "none: has no .rays files"},
            {{ball, "--rays", In("nosuch.rays")},
             "nosuch.rays: neither a number of rays (such as 64K or 1M) nor a .rays file"},
-           {{ball, "--rays", In("a"), "--sets", "camera"}, "--sets is for captured ray sets"},
+           {{ball, "--rays", In("a"), "--sets", "camera"}, "--sets names captured ray sets"},
            {{"--rays", In("a")}, "name the scene"},
            {{ball, "--sets", "camera,lens"}, "unknown ray set 'lens'; allowed are camera, shadow.N, "},
            {{ball, "--sets", "camera.1"}, "unknown ray set 'camera.1'"},
@@ -153,7 +153,7 @@ TEST_F(HarnessRays, WhatDoesNotBelongIsRefusedBeforeAnythingIsWritten) {
     EXPECT_FALSE(fs::exists(In("out")));
   }
   for (const Wrong& wrong : std::vector<Wrong>{
-           {{"rays"}, "say record or info"},
+           {{"rays"}, "add record or info"},
            {{"rays", "info"}, "files"},
            {{"rays", "info", In("flipped.rays")}, "flipped.rays: is damaged"},
            {{"rays", "info", In("none")}, "none: has no .rays files"},

@@ -324,7 +324,7 @@ TEST_F(HarnessReports, ReplayTakesCoordinatesOfTheFile) {
       Verify({cube, "--structures", "bvh_sah", "--replay", "1e-21,1e-21,1e-20,0,0,0,-1e-20,inf"});
   EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_THAT(outcome.out, AllOf(HasSubstr("org 1e-21 1e-21 1e-20, dir 0 0 -1e-20, t in (0, inf]"),
-                                 HasSubstr("truth: t = 1 "), HasSubstr("taken to the nearest float: ox = "),
+                                 HasSubstr("truth: t = 1 "), HasSubstr("rounded to the nearest float: ox = "),
                                  HasSubstr("at 2^")));
   // What is printed is taken again, and needs no rounding.
   const size_t at = outcome.out.find("\nray ") + 5;
@@ -349,7 +349,7 @@ TEST(HarnessReportsRay, TextReadsBackAtEveryScale) {
   const auto [near, said] = ParseRay("0.1,1,0x1p-1,0,0.3,0,0,1e10", 0);
   EXPECT_EQ(near.org[0], 0.1f);
   EXPECT_EQ(near.dir[0], 0.3f);
-  EXPECT_EQ(said, "taken to the nearest float: ox = 0x1.99999ap-4 (0.1), dx = 0x1.333334p-2 (0.3)");
+  EXPECT_EQ(said, "rounded to the nearest float: ox = 0x1.99999ap-4 (0.1), dx = 0x1.333334p-2 (0.3)");
 }
 
 TEST_F(HarnessReports, NoErrorOfTInAPlane) {
@@ -374,8 +374,8 @@ TEST_F(HarnessReports, OpenEndAndFacesAtZeroForEveryStructure) {
   const std::string mesh = Write("cube.obj", cube);
   const Scene scene = LoadScene(mesh);
   const float d = 0x1p-149f;
-  // From the face, from a float beside it, and with t == tnear at the near face; then the far one is the
-  // answer.
+  // From the face, from a float beside it, and with t == tnear at the near face; then the far one is
+  // the answer.
   const std::string rays = WriteRays("ends.rays", scene,
                                      {{{.3f, .4f, 0}, 0, {0, 0, 1}, kNever},
                                       {{.3f, .4f, 0}, 0, {0, 0, -1}, kNever},

@@ -131,8 +131,8 @@ TEST(HarnessTreeStatistics, CountsDepthReferencesAndSahCostOfAHandMadeTree) {
   EXPECT_EQ(s->empty_leaf_nodes, 1u);
   EXPECT_EQ(s->references, 2u);
   EXPECT_EQ(s->depth, 2u);
-  // Half areas: root 3+1+3 = 7, the others 3. 1 (root) + 3/7 (left leaf, one primitive) + 3/7 (inner) + 3/7
-  // (leaf).
+  // Half areas: root 3+1+3 = 7, the others 3. 1 (root) + 3/7 (left leaf, one primitive) + 3/7 (inner) +
+  // 3/7 (leaf).
   ASSERT_TRUE(s->sah_cost);
   EXPECT_NEAR(*s->sah_cost, 1 + 9.0 / 7, 1e-12);
   EXPECT_EQ(s->flaw, "");
@@ -187,7 +187,7 @@ TEST(HarnessTreeStatistics, NodesAreInPreOrderAndInsideTheirParents) {
   };
   EXPECT_EQ(flaw({inner, leaf, leaf}), "");
   EXPECT_EQ(flaw({inner, at(inner, 1), at(leaf, 2), leaf}), "");
-  EXPECT_EQ(flaw({leaf}), "node 0 of the visit is the first one and has another depth than 0");
+  EXPECT_EQ(flaw({leaf}), "node 0 of the visit is the first, but its depth is not 0");
   EXPECT_EQ(flaw({inner, leaf, at(leaf, 0)}), "node 2 of the visit is a second root");
   EXPECT_EQ(flaw({inner, at(leaf, 2)}), "node 1 of the visit is deeper than a child of the one before it");
   EXPECT_EQ(flaw({inner, leaf, at(leaf, 2)}),

@@ -376,9 +376,9 @@ TEST_F(HarnessVerify, ALedgerThatDoesNotAddUpIsRefusedAndLeftAlone) {
     return text;
   };
   for (const auto& [text, says] : std::vector<std::pair<std::string, std::string>>{
-           {"", "is no ledger of raybench"},
-           {"[1, 2]", "is no ledger of raybench"},
-           {with("ledger 1", "ledger 9"), "is no ledger of raybench"},
+           {"", "is not a ledger of raybench"},
+           {"[1, 2]", "is not a ledger of raybench"},
+           {with("ledger 1", "ledger 9"), "is not a ledger of raybench"},
            {with("\"rays\": 30", "\"rays\": 31"),
             "campaign 0 has 31 rays and 2 misses, but its runs add up to 30 and 2"},
            {with("\"misses\": 2", "\"misses\": 1"), "campaign 0 has 30 rays and 1 misses"},
@@ -464,7 +464,7 @@ TEST_F(HarnessVerify, WrongInputIsOneLineAndNothingIsWritten) {
            {{kBall, "--closed", "1K", "--sets", "random"}, "--sets"},
            {{kBall, "--closed", "1K", "--rays", "64"}, "--rays"},
            {{kBall, "--closed", "1K", "--out", out}, "--out"},
-           {{kBall, "--closed", "1K", "--ledger", In("no/l.json")}, "is no folder"},
+           {{kBall, "--closed", "1K", "--ledger", In("no/l.json")}, "is not a readable folder"},
            {{In("open.off"), "--closed", "1K", "--ledger", In("l.json")},
             "is not closed: 3 of 6 edges have an odd number of triangles; one of them runs from (1, 0, 0) to "
             "(0, 1, 0) and has 1, of which triangle 0 is the first"},
@@ -475,7 +475,7 @@ TEST_F(HarnessVerify, WrongInputIsOneLineAndNothingIsWritten) {
             "--replay: write ox,oy,oz,tnear,dx,dy,dz,tfar; dz is not a number"},
            {{kBall, "--replay", "0,0,0,0,1,0,0,inf,2"}, "tfar is not a number there"},
            {{kBall, "--replay", "1e39,0,0,0,1,0,0,inf"}, "ox = 1e+39 is beyond float"},
-           {{kBall, "--replay", "0,0,0,0,0,0,0,inf"}, "not all of the direction 0"},
+           {{kBall, "--replay", "0,0,0,0,0,0,0,inf"}, "the direction not 0"},
            {{kBall, "--replay", "0,0,0,-1,1,0,0,inf"}, "tnear at least 0"}}) {
     SCOPED_TRACE(::testing::PrintToString(words));
     const Outcome outcome = Verify(words);

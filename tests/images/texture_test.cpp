@@ -127,8 +127,8 @@ TEST(TracerTexture, WhatIsNoImageIsAnError) {
   }
 }
 
-/// A floor of side 2 whose texture runs from (0, 0) at its far left corner to (1, 1); looked down on at (x,
-/// z).
+/// A floor of side 2 whose texture runs from (0, 0) at its far left corner to (1, 1); looked down on at
+/// (x, z).
 Scene TexturedFloor(const Material& material, const Texture& texture, float x, float z) {
   Scene scene;
   scene.ambient = {1, 1, 1};

@@ -115,8 +115,8 @@ class HarnessCommand : public ::testing::Test {
     return words;
   }
 
-  /// tests/plugins as a project of its own that finds raybench by find_package; the folder with the
-  /// libraries.
+  /// tests/plugins as a project of its own that finds raybench by find_package; the folder with
+  /// the libraries.
   fs::path BuildPlugins() {
     const fs::path build = fs::path(kBinaryDirectory) / "test_plugins";
     const std::string command = fmt::format(

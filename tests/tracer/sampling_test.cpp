@@ -180,9 +180,9 @@ double ZonePlate(const Sampling& sampling, double frequency, double* variance = 
 
 TEST(TracerZonePlate, UniformSamplingMovesTheAliasAndJitterTurnsItIntoNoise) {
   const Sampling center{}, uniform{.pattern = SamplePattern::kUniform, .grid = 4};
-  // At the sampling frequency the aliased rings are slow: the phase changes by 2 pi (4^2 + 4^2) / 128 = pi /
-  // 2 at the farthest of the 8 x 8 pixels, and the mean of the cosine stays above 1/2: of the value, above
-  // 3/4.
+  // At the sampling frequency the aliased rings are slow: the phase changes by 2 pi (4^2 + 4^2) / 128 = pi
+  // / 2 at the farthest of the 8 x 8 pixels, and the mean of the cosine stays above 1/2: of the value,
+  // above 3/4.
   EXPECT_GT(std::fabs(ZonePlate(center, 1) - 0.5), 0.25);
   // 4 x 4 samples see that frequency as it is (mean 1/2, up to the change of frequency over the block) ...
   EXPECT_LT(std::fabs(ZonePlate(uniform, 1) - 0.5), 0.02);

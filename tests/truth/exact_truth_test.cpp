@@ -102,8 +102,8 @@ struct Reference {
     take((-b - sqrt(discriminant)) / a), take((-b + sqrt(discriminant)) / a);
   }
 
-  /// Triangles and polygons: the corners are projected along the ray onto a coordinate plane through the
-  /// origin.
+  /// Triangles and polygons: the corners are projected along the ray onto a coordinate plane through
+  /// the origin.
   void Fan(uint32_t prim, const std::vector<uint32_t>& corners) {
     int z = 0;
     for (int k = 1; k < 3; ++k)

@@ -82,8 +82,8 @@ TEST(OracleLimits, SoItIsForProceduralPrimitives) {
   scene.polygon_vertices = {0, 1, 2, 3};
   scene.Finish();
   const auto oracle = MakeOracle(scene);
-  // t is 2^126, 2^127 or 2^128 at the sphere's near side, 3/2 of it at the far one, 2^128 at most at the
-  // polygon.
+  // t is 2^126, 2^127 or 2^128 at the sphere's near side, 3/2 of it at the far one, 2^128 at most at
+  // the polygon.
   const std::vector<rb_ray> rays = {
       {{0, 0, 2}, 0, {0, 0, -0x1p-126f}, kEndless},       {{0, 0, 2}, 0, {0, 0, -0x1p-127f}, kEndless},
       {{0, 0, 2}, 0, {0, 0, -0x1p-128f}, kEndless},       {{0, 0, 0}, 0, {0, 0, -0x1p-127f}, kEndless},

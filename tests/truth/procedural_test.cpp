@@ -1,5 +1,5 @@
-// Truth and verdicts for procedural primitives, and scenes of all kinds of primitives through every
-// structure.
+// Truth and verdicts for procedural primitives, and scenes of all kinds of primitives through
+// every structure.
 #include <gtest/gtest.h>
 
 #include "accel/host/registry.h"

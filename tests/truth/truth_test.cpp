@@ -39,8 +39,8 @@ struct Reference {
   Feature feature = Feature::kInterior;
 };
 
-/// n / d >= 0 rounded to float, by bisection over all floats. What follows the largest float stands for
-/// infinity.
+/// n / d >= 0 rounded to float, by bisection over all floats. What follows the largest float stands
+/// for infinity.
 float Rounded(const Int& n, const Int& d) {
   const auto value = [](uint32_t bits) { return bits == 0x7F800000u ? 0x1p128 : std::bit_cast<float>(bits); };
   const auto order = [&](double x) { return Int(n * ToInt(1) - ToInt(x) * d).sign(); };

@@ -142,8 +142,8 @@ TEST_P(VerdictTest, MarginalAtASilhouetteOfAClosedMesh) {
 }
 
 TEST_P(VerdictTest, LeakAtEdgesAndVerticesOfClosedMeshes) {
-  // Vertices of the box are not shared between its faces; copies and flipped triangles must not hide a leak
-  // either.
+  // Vertices of the box are not shared between its faces; copies and flipped triangles must not hide a
+  // leak either.
   Scene flipped = MakeIcosphere(2);
   std::vector<std::array<uint32_t, 3>> triangles = flipped.triangles;
   for (size_t i = 0; i < triangles.size(); i += 3) std::swap(triangles[i][0], triangles[i][1]);
@@ -396,8 +396,8 @@ TEST(Verdicts, AimedRaysShowTheLeaksOfFastAndNoneOfWatertight) {
   }
 }
 
-/// From outside, edges of the silhouette are among the targets, and every second ray ends or starts on the
-/// surface.
+/// From outside, edges of the silhouette are among the targets, and every second ray ends or starts on
+/// the surface.
 TEST(Verdicts, WatertightHasNoPlainErrorFromOutside) {
   for (const Vec3f shift : {Vec3f{0, 0, 0}, Vec3f{1e3f, -700, 30}}) {
     Scene sphere = MakeIcosphere(3);

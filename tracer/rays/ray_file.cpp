@@ -119,10 +119,15 @@ RayFileHeader ReadHeader(const fs::path& path, std::istream& in, uint64_t size) 
     Fail(path, fmt::format("has query {}; allowed are {} (closest) and {} (any)", raw.query, int{RB_CLOSEST},
                            int{RB_ANY}));
   RayFileHeader header;
-  header.count = raw.count, header.query = raw.query, header.depth = raw.depth;
-  header.kind = Get(raw.kind), header.order = Get(raw.order);
-  header.scene_hash = Hex(raw.scene_hash), header.rays_hash = Hex(raw.rays_hash);
-  header.software = Get(raw.software), header.scene = Get(raw.scene);
+  header.count = raw.count;
+  header.query = raw.query;
+  header.depth = raw.depth;
+  header.kind = Get(raw.kind);
+  header.order = Get(raw.order);
+  header.scene_hash = Hex(raw.scene_hash);
+  header.rays_hash = Hex(raw.rays_hash);
+  header.software = Get(raw.software);
+  header.scene = Get(raw.scene);
   if (!IsKind(header.kind))
     Fail(path, fmt::format("has kind '{}'; 1 to 31 of a-z, 0-9 and _ are allowed", header.kind));
   if (!IsOrder(header.order))
@@ -148,12 +153,17 @@ void WriteRayFile(const fs::path& path, const RaySet& set, const Scene& scene, c
 
   RawHeader raw = {};
   std::memcpy(raw.magic, kMagic, sizeof kMagic);
-  raw.version = kVersion, raw.header_size = sizeof raw;
-  raw.count = rays.size(), raw.query = set.query, raw.depth = set.depth;
+  raw.version = kVersion;
+  raw.header_size = sizeof raw;
+  raw.count = rays.size();
+  raw.query = set.query;
+  raw.depth = set.depth;
   raw.scene_hash = std::stoull(scene.hash(), nullptr, 16);
   raw.rays_hash = HashOf(rays.data(), rays.size() * sizeof(rb_ray));
-  Put(raw.kind, set.kind), Put(raw.order, set.order);
-  Put(raw.software, software), Put(raw.scene, scene.name);
+  Put(raw.kind, set.kind);
+  Put(raw.order, set.order);
+  Put(raw.software, software);
+  Put(raw.scene, scene.name);
   raw.header_hash = HashOf(&raw, offsetof(RawHeader, header_hash));
 
   WriteFileAtomically(path, {{reinterpret_cast<const char*>(&raw), sizeof raw},

@@ -13,8 +13,8 @@ namespace {
 
 constexpr uint64_t kRun = 64;  // rays of a run that Thin() keeps together: an 8 x 8 tile
 
-/// True only if no t in [tnear, tfar] lies in the closed box. Double over float input, with slack for its
-/// roundings.
+/// True only if no t in [tnear, tfar] lies in the closed box. Double over float input, with slack for
+/// its roundings.
 bool MissesBounds(const rb_ray& ray, const Bounds3& bounds) {
   if (bounds.Empty()) return true;
   double enter = ray.tnear, leave = ray.tfar;

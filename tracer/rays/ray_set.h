@@ -23,8 +23,8 @@ struct RaySet {
   std::string hash;           ///< 16 hex digits over kind, depth, order, query and all rays in order
   std::string name = {};      ///< of a replayed set, from its file; empty: kind and depth name it
 
-  /// `name`, else "camera", "shadow.0", "reflection.1", "random", ...: kind, with the depth where a kind has
-  /// several.
+  /// `name`, else "camera", "shadow.0", "reflection.1", "random", ...: kind, with the depth where a kind
+  /// has several.
   std::string Label() const;
 };
 

@@ -1,9 +1,9 @@
 // bvh_median: a binary bounding volume hierarchy that halves the primitives.
 //
-// The idea: the oldest of the automatic builders (Kay and Kajiya 1986): sort the primitives by their centres
-// along one axis, give half to each child, go on. The tree is balanced, whatever the scene, and blind to how
-// large and how dense things are: what SAH builders are measured against. Layout and traversal:
-// accel/bvh/bvh2.h.
+// The idea: the oldest of the automatic builders (Kay and Kajiya 1986): sort the primitives by their
+// centres along one axis, give half to each child, go on. The tree is balanced, whatever the scene, and
+// blind to how large and how dense things are: what SAH builders are measured against. Layout and
+// traversal: accel/bvh/bvh2.h.
 //
 // Invariants: every primitive stands in exactly one leaf, whose bounds enclose it; a child holds half of the
 // primitives, so depth is at most log2 of their number; centres are ordered together with ids, so the tree is

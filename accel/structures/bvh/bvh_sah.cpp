@@ -9,8 +9,8 @@
 // Invariants: every primitive stands in exactly one leaf, whose bounds enclose it; depth stays below the
 // traversal stack's; the same tree at any thread count.
 //
-// Parameters: more bins find better planes and take longer; `reinsertion` improves the tree after it is built
-// (accel/bvh/reinsertion.h).
+// Parameters: more bins find better planes and take longer; `reinsertion` improves the tree after it is
+// built (accel/bvh/reinsertion.h).
 #include "accel/bvh/binned_sah.h"
 #include "accel/bvh/structure.h"
 

@@ -31,7 +31,10 @@ namespace {
 struct Part {
   Vec3d lo{HUGE_VAL, HUGE_VAL, HUGE_VAL}, hi{-HUGE_VAL, -HUGE_VAL, -HUGE_VAL};
 
-  void Extend(Vec3d p) { lo = Min(lo, p), hi = Max(hi, p); }
+  void Extend(Vec3d p) {
+    lo = Min(lo, p);
+    hi = Max(hi, p);
+  }
 };
 
 float RoundDown(double x) {
@@ -93,14 +96,18 @@ class SpatialBuilder {
 
     explicit SliceBins(uint32_t bins) {
       for (int a = 0; a < 3; ++a) {
-        for (uint32_t b = 0; b < bins; ++b) box[a][b] = Box4::Empty(), enter[a][b] = leave[a][b] = 0;
+        for (uint32_t b = 0; b < bins; ++b) {
+          box[a][b] = Box4::Empty();
+          enter[a][b] = leave[a][b] = 0;
+        }
       }
     }
     void Merge(const SliceBins& o, uint32_t bins) {
       for (int a = 0; a < 3; ++a) {
         for (uint32_t b = 0; b < bins; ++b) {
           box[a][b].Extend(o.box[a][b]);
-          enter[a][b] += o.enter[a][b], leave[a][b] += o.leave[a][b];
+          enter[a][b] += o.enter[a][b];
+          leave[a][b] += o.leave[a][b];
         }
       }
     }
@@ -183,7 +190,8 @@ class SpatialBuilder {
         left.end + size_t(double(room) * double(left.size()) / double(left.size() + right.size()));
     std::memcpy(static_cast<void*>(&references_[left_limit]), &scratch_[range.begin],
                 right.size() * sizeof(Record));
-    right.end = left_limit + right.size(), right.begin = left_limit;
+    right.end = left_limit + right.size();
+    right.begin = left_limit;
     const uint32_t right_slot = SetInner(node, slot, left_limit - range.begin);
     Both(
         n, [&] { Recurse(left, left_limit, slot + 1, depth + 1); },
@@ -223,11 +231,12 @@ class SpatialBuilder {
     return BestPlane(bins, range.size(), room, slices);
   }
 
-  /// Extends the bins of the slices that a reference reaches by its parts there. They are estimates, in
-  /// float.
+  /// Extends the bins of the slices that a reference reaches by its parts there. They are estimates,
+  /// in float.
   void Add(const Record& reference, int axis, const Slices& slices, SliceBins& bins) const {
     const uint32_t first = slices.Of(reference.lo[axis], axis), last = slices.Of(reference.hi[axis], axis);
-    ++bins.enter[axis][first], ++bins.leave[axis][last];
+    ++bins.enter[axis][first];
+    ++bins.leave[axis][last];
     const Box4 whole{reference.lo, reference.hi};
     if (first == last) {
       bins.box[axis][first].Extend(whole);
@@ -240,12 +249,15 @@ class SpatialBuilder {
     for (uint32_t b = first; b <= last; ++b) {
       const float to = b < last ? slices.Plane(b + 1, axis) : reference.hi[axis];
       Box4 slab = whole;  // of a procedural primitive nothing is known but its bounds
-      slab.lo[axis] = std::max(from, whole.lo[axis]), slab.hi[axis] = std::min(to, whole.hi[axis]);
+      slab.lo[axis] = std::max(from, whole.lo[axis]);
+      slab.hi[axis] = std::min(to, whole.hi[axis]);
       if (is_triangle) {
         const Box4 next = edges.Crossing(to);
         Box4 part = edges.Between(from, to);
-        part.Extend(crossing), part.Extend(next);
-        slab.lo = MaxOrSecond(part.lo, slab.lo), slab.hi = MinOrSecond(part.hi, slab.hi);
+        part.Extend(crossing);
+        part.Extend(next);
+        slab.lo = MaxOrSecond(part.lo, slab.lo);
+        slab.hi = MinOrSecond(part.hi, slab.hi);
         crossing = next;
       }
       if (!IsEmpty(slab)) bins.box[axis][b].Extend(slab);
@@ -271,19 +283,28 @@ class SpatialBuilder {
       Box4 box = Box4::Empty();
       uint32_t count = 0;
       for (uint32_t b = slices.count - 1; b > 0; --b) {
-        box.Extend(bins.box[a][b]), count += bins.leave[a][b];
-        rights[b] = box, right_count[b] = count;
+        box.Extend(bins.box[a][b]);
+        count += bins.leave[a][b];
+        rights[b] = box;
+        right_count[b] = count;
       }
-      box = Box4::Empty(), count = 0;
+      box = Box4::Empty();
+      count = 0;
       for (uint32_t b = 1; b < slices.count; ++b) {
-        box.Extend(bins.box[a][b - 1]), count += bins.enter[a][b - 1];
+        box.Extend(bins.box[a][b - 1]);
+        count += bins.enter[a][b - 1];
         if (count == 0 || right_count[b] == 0 || count + right_count[b] - n > room) continue;
         if (IsEmpty(box) || IsEmpty(rights[b])) continue;
         const float cost =
             box.HalfArea() * costs_.Blocks(count) + rights[b].HalfArea() * costs_.Blocks(right_count[b]);
         if (cost >= best.cost) continue;
-        best.cost = cost, best.axis = a, best.bin = int(b), best.left = box, best.right = rights[b];
-        best.lefts = count, best.rights = right_count[b];
+        best.cost = cost;
+        best.axis = a;
+        best.bin = int(b);
+        best.left = box;
+        best.right = rights[b];
+        best.lefts = count;
+        best.rights = right_count[b];
       }
     }
     return best;
@@ -294,14 +315,16 @@ class SpatialBuilder {
     Box4 left{reference.lo, reference.hi}, right = left;
     const uint32_t prim = reference.id();
     if (prim >= geometry_.triangle_count) {  // nothing is known but its bounds
-      left.hi[axis] = std::min(left.hi[axis], plane), right.lo[axis] = std::max(right.lo[axis], plane);
+      left.hi[axis] = std::min(left.hi[axis], plane);
+      right.lo[axis] = std::max(right.lo[axis], plane);
       return {left, right};
     }
     Vec3d corners[3];
     Bounds3 whole;
     for (int i = 0; i < 3; ++i) {
       const Vec3f corner = Vertex(geometry_, prim, i);
-      whole.Extend(corner), corners[i] = ToDouble(corner);
+      whole.Extend(corner);
+      corners[i] = ToDouble(corner);
     }
     Part below, above;
     for (int i = 0; i < 3; ++i) {
@@ -312,7 +335,8 @@ class SpatialBuilder {
       if ((da < 0 && db > 0) || (da > 0 && db < 0)) {
         Vec3d crossing = a + (b - a) * (da / (da - db));
         crossing[axis] = plane;
-        below.Extend(crossing), above.Extend(crossing);
+        below.Extend(crossing);
+        above.Extend(crossing);
       }
     }
     const float extent = LargestExtent(whole.lo, whole.hi);
@@ -322,7 +346,10 @@ class SpatialBuilder {
   Box4 Clip(const Box4& box, const Part& part, float extent) const {
     if (part.lo.x > part.hi.x) return Box4::Empty();
     Bounds3 b;
-    for (int a = 0; a < 3; ++a) b.lo[a] = RoundDown(part.lo[a]), b.hi[a] = -RoundDown(-part.hi[a]);
+    for (int a = 0; a < 3; ++a) {
+      b.lo[a] = RoundDown(part.lo[a]);
+      b.hi[a] = -RoundDown(-part.hi[a]);
+    }
     if (padded_) b = PaddedBounds(b.lo, b.hi, extent);
     const Float4 zero{};  // -0 becomes 0
     return {MaxOrSecond(Float4{b.lo.x, b.lo.y, b.lo.z, 0} + zero, box.lo),
@@ -337,8 +364,14 @@ class SpatialBuilder {
     const float left_area = split.left.HalfArea(), right_area = split.right.HalfArea();
     const float lefts = float(split.lefts), rights = float(split.rights);
     size_t l = range.begin, r = range.begin;
-    auto go_left = [&](const Record& record) { references_[l++] = record, left.Extend(record); };
-    auto go_right = [&](const Record& record) { scratch_[r++] = record, right.Extend(record); };
+    auto go_left = [&](const Record& record) {
+      references_[l++] = record;
+      left.Extend(record);
+    };
+    auto go_right = [&](const Record& record) {
+      scratch_[r++] = record;
+      right.Extend(record);
+    };
     for (size_t i = range.begin; i < range.end; ++i) {
       const Record whole = references_[i];
       const int first = int(slices.Of(whole.lo[split.axis], split.axis)),
@@ -377,10 +410,13 @@ class SpatialBuilder {
       if (l == range.begin)
         std::memcpy(static_cast<void*>(&references_[l]), &scratch_[range.begin],
                     (r - range.begin) * sizeof(Record));
-      left = {range.begin, range.begin}, right = {range.end, range.end};
+      left = {range.begin, range.begin};
+      right = {range.end, range.end};
       return false;
     }
-    left.end = l, right.begin = range.begin, right.end = r;
+    left.end = l;
+    right.begin = range.begin;
+    right.end = r;
     return true;
   }
 
@@ -393,12 +429,16 @@ class SpatialBuilder {
       const bool is_left =
           split.axis < 0 ? i - range.begin < range.size() / 2 : binning.Of(record)[split.axis] < split.bin;
       if (is_left) {
-        references_[l++] = record, left.Extend(record);
+        references_[l++] = record;
+        left.Extend(record);
       } else {
-        scratch_[r++] = record, right.Extend(record);
+        scratch_[r++] = record;
+        right.Extend(record);
       }
     }
-    left.end = l, right.begin = range.begin, right.end = r;
+    left.end = l;
+    right.begin = range.begin;
+    right.end = r;
   }
 
   const rb_geometry& geometry_;

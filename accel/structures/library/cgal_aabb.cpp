@@ -39,8 +39,8 @@
 namespace raybench {
 namespace {
 
-/// Of the tree that this thread builds. CGAL's build cannot be stopped; what it asks of a primitive can
-/// throw.
+/// Of the tree that this thread builds. CGAL's build cannot be stopped; what it asks of a primitive
+/// can throw.
 thread_local const volatile int* building_cancel = nullptr;
 
 template <class K>

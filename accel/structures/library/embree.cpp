@@ -1,5 +1,5 @@
-// embree: Intel's Embree (Wald et al. 2014) behind the contract, single-ray calls, as an engine would use it
-// first.
+// embree: Intel's Embree (Wald et al. 2014) behind the contract, single-ray calls, as an engine would use
+// it first.
 //
 // Triangles are one geometry, procedural primitives a user geometry. Vertex and index arrays are shared with
 // the scene, not copied. Input that makes a packaged Embree abort is kept away from it: invalid rays, and
@@ -8,9 +8,9 @@
 // at equal t as it meets them; so ids at ties may differ from the lowest, which the verdict shows.
 //
 // Its answers are brought to the contract's interval (tnear, tfar]. The robust test takes the end tnear in,
-// so it is asked from the next float on, which is the same. Where products of subnormal numbers make t NaN or
-// put it outside, it is asked once more with a direction as long as it takes; what it cannot say then is a
-// miss.
+// so it is asked from the next float on, which is the same. Where products of subnormal numbers make t NaN
+// or put it outside, it is asked once more with a direction as long as it takes; what it cannot say then is
+// a miss.
 #include "accel/structures/library/embree.h"
 
 #include <fmt/format.h>
@@ -68,9 +68,9 @@ class Embree {
 
   Embree(const rb_geometry& geometry, const rb_build_options& options, const Config& config)
       : geometry_(geometry), config_(config), cancel_(options.cancel), limit_(options.memory_limit) {
-    // Embree builds in a oneTBB arena of its own, so only a process-wide limit binds it. Given to the device
-    // it would hold as long as the tree lives, for other structures' builds too; so it is set for the commit
-    // alone.
+    // Embree builds in a oneTBB arena of its own, so only a process-wide limit binds it. Given to the
+    // device it would hold as long as the tree lives, for other structures' builds too; so it is set for
+    // the commit alone.
     device_.reset(rtcNewDevice(nullptr));
     if (!device_) throw BuildError("Embree gives no device");
     rtcSetDeviceMemoryMonitorFunction(device_.get(), &CountMemory, this);

@@ -1,5 +1,5 @@
-// null: answers "miss" to every ray. What it costs is the harness's own cost: reading rays and writing
-// answers.
+// null: answers "miss" to every ray. What it costs is the harness's own cost: reading rays and
+// writing answers.
 #include "accel/contract/structure.h"
 
 namespace raybench {

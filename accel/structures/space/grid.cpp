@@ -1,9 +1,9 @@
 // grid: the scene's box cut into equal cells, each with the primitives that lie in it.
 //
-// The idea: a ray walks from cell to cell, nearest first, and tests what it meets (Fujimoto, Tanaka, Iwata
-// 1986; Amanatides and Woo 1987). Building is one counting sort, faster than any tree's; the price is that
-// one size of cells must suit the whole scene, which it does not where detail is uneven ("teapot in a
-// stadium").
+// The idea: a ray walks from cell to cell, nearest first, and tests what it meets (Fujimoto, Tanaka,
+// Iwata 1986; Amanatides and Woo 1987). Building is one counting sort, faster than any tree's; the price
+// is that one size of cells must suit the whole scene, which it does not where detail is uneven ("teapot
+// in a stadium").
 //
 // How fine: a rule gives about density x primitives cells (Cleary and Wyvill 1988; Woo 1992; Ize, Shirley,
 // Parker 2007), lowered while primitives would stand in more than `references` cells on average; or

@@ -1,9 +1,9 @@
 // octree: cells halved at their centres along all three axes at once, until little is left in them.
 //
 // The idea: detail decides where space is cut fine, and what is empty is not cut at all (Glassner 1984,
-// "Space subdivision for fast ray tracing"). Unlike a kd-tree's, the planes are given by the cell, so nothing
-// is searched while building, and a node says nothing about where its planes are that its parent has not
-// said.
+// "Space subdivision for fast ray tracing"). Unlike a kd-tree's, the planes are given by the cell, so
+// nothing is searched while building, and a node says nothing about where its planes are that its parent has
+// not said.
 //
 // Node, 64 bytes, one cache line:
 //
