@@ -230,8 +230,6 @@ void IndexCorners(Scene& scene) {
     scene.triangles[i] = {same[3 * i], same[3 * i + 1], same[3 * i + 2]};
 }
 
-}  // namespace
-
 Scene ReadStl(const std::filesystem::path& path, const LoadOptions& options) {
   Scene scene;
   StlReader(path, options, scene).Run();
@@ -243,5 +241,9 @@ Scene ReadStl(const std::filesystem::path& path, const LoadOptions& options) {
   scene.triangle_material.resize(scene.triangles.size());
   return scene;
 }
+
+}  // namespace
+
+const Format kStl = {".stl", ReadStl};
 
 }  // namespace raybench

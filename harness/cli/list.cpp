@@ -321,8 +321,6 @@ void AddListOneOptions(CLI::App& command, ListOneOptions& options) {
   command.add_flag("--json", options.json, "Print the same as JSON");
 }
 
-}  // namespace
-
 void AddListCommand(CLI::App& app, Invocation& invocation) {
   CLI::App& list = *app.add_subcommand("list", "What there is");
   list.require_subcommand(0, 1);
@@ -357,5 +355,9 @@ void AddListCommand(CLI::App& app, Invocation& invocation) {
       [](const ListOptions& options, const Registry&) { return ListScenes(options); });
   AddListSceneCommand(list, invocation);
 }
+
+}  // namespace
+
+const Command kList = {60, AddListCommand};
 
 }  // namespace raybench

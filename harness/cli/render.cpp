@@ -122,8 +122,6 @@ int RenderCommand(const Registry& registry, const RenderOptions& options) {
   return 0;
 }
 
-}  // namespace
-
 void AddRenderCommand(CLI::App& app, Invocation& invocation) {
   AddCommand<RenderOptions>(
       app, invocation, "render", "Render one picture, or what traversal costs per pixel",
@@ -180,5 +178,9 @@ void AddRenderCommand(CLI::App& app, Invocation& invocation) {
         return RenderCommand(registry, options);
       });
 }
+
+}  // namespace
+
+const Command kRender = {40, AddRenderCommand};
 
 }  // namespace raybench

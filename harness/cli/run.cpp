@@ -89,8 +89,6 @@ void AddOptions(CLI::App& command, RunArguments& arguments) {
                  "--benchmark_filter=REGEX (of scene/structure/ray set/order/query/threads:N) are taken.");
 }
 
-}  // namespace
-
 void AddRunCommand(CLI::App& app, Invocation& invocation) {
   AddCommand<RunArguments>(app, invocation, "run", "Verify and measure structures on scenes", AddOptions,
                            [&invocation](RunArguments& arguments, const Registry& registry) {
@@ -114,5 +112,9 @@ void AddRunCommand(CLI::App& app, Invocation& invocation) {
                              return RunBenchmark(registry, run);
                            });
 }
+
+}  // namespace
+
+const Command kRun = {10, AddRunCommand};
 
 }  // namespace raybench
