@@ -14,25 +14,18 @@
 namespace raybench {
 namespace {
 
-struct Format {
-  const char* extension;
-  Scene (*read)(const std::filesystem::path&, const LoadOptions&);
-};
-constexpr Format kFormats[] = {{".obj", ReadObj},   {".off", ReadOff},  {".ply", ReadPly}, {".stl", ReadStl},
-                               {".gltf", ReadGltf}, {".glb", ReadGltf}, {".nff", ReadNff}};
-
 const Format* FindFormat(const std::filesystem::path& path) {
   std::string extension = path.extension().string();
   for (char& c : extension) c = char(std::tolower(static_cast<unsigned char>(c)));
-  for (const Format& format : kFormats)
-    if (extension == format.extension) return &format;
+  for (const Format* format : kAllFormats)
+    if (extension == format->ending) return format;
   return nullptr;
 }
 
 std::string Extensions() {
   std::string text;
-  for (const Format& format : kFormats)
-    text += fmt::format("{}{}", text.empty() ? "" : ", ", format.extension);
+  for (const Format* format : kAllFormats)
+    text += fmt::format("{}{}", text.empty() ? "" : ", ", format->ending);
   return text;
 }
 
@@ -156,19 +149,13 @@ Scene Modify(const Modifier& modifier, const std::string& text, const LoadOption
 
 }  // namespace
 
-std::vector<const Generator*> Generators() {
-  return {&kBallsGenerator,     &kCityGenerator,    &kFibresGenerator,  &kGearsGenerator,
-          &kIcosphereGenerator, &kLatticeGenerator, &kMengerGenerator,  &kMountGenerator,
-          &kRingsGenerator,     &kShellsGenerator,  &kSoupGenerator,    &kSphereflakeGenerator,
-          &kStadiumGenerator,   &kTeapotGenerator,  &kTerrainGenerator, &kTerrainBoxGenerator,
-          &kTetraGenerator,     &kTreeGenerator};
-}
+std::vector<const Generator*> Generators() { return {std::begin(kAllGenerators), std::end(kAllGenerators)}; }
 
-std::vector<const Modifier*> Modifiers() { return {&kSubdivideModifier}; }
+std::vector<const Modifier*> Modifiers() { return {std::begin(kAllModifiers), std::end(kAllModifiers)}; }
 
 std::vector<std::string> SceneFileEndings() {
   std::vector<std::string> endings;
-  for (const Format& format : kFormats) endings.push_back(format.extension);
+  for (const Format* format : kAllFormats) endings.push_back(format->ending);
   return endings;
 }
 

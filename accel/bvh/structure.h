@@ -41,6 +41,7 @@ inline constexpr rb_param kBvhReinsertion =
 
 class BvhStructure {
  public:
+  static constexpr Kind kKind = {"BVH", "O(N log N)", "SIMD leaves"};
   static constexpr uint64_t kCapabilities =
       RB_CAN_COUNT | RB_CAN_PROCEDURAL | RB_CAN_AFTER | RB_CAN_SKIP | RB_DETERMINISTIC;
 

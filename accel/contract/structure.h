@@ -11,6 +11,7 @@
 //   uint32_t Claims() const;                          RB_CLAIM_*
 //   MemoryUse Memory() const;
 //   template <class Fn> int Visit(Fn&& node) const;   optional: node(const rb_node&) -> non-zero stops
+//   static constexpr Kind kKind;                      built-in ones; their base class may have it
 //
 // and, as the last line of its file, RAYBENCH_STRUCTURE(stem, T). This header depends on nothing but the
 // contract, so plugins outside the tree use it too (then with RAYBENCH_PLUGIN(T...) as the last line).
@@ -39,6 +40,18 @@ namespace raybench {
 struct MemoryUse {
   uint64_t nodes = 0, prims = 0;  ///< bytes of nodes, bytes of copied primitives
   bool needs_geometry = false;    ///< queries still read the borrowed geometry
+};
+
+/// What a structure is, beside what its table says: for a list, not for any decision.
+struct Kind {
+  const char* family;
+  const char* build;  ///< how build time grows with the primitives
+  const char*
+      trace;  ///< what tests primitives: one by one (scalar), four at a time (SIMD leaves), or a library
+};
+struct Builtin {
+  const rb_structure* table;
+  Kind kind;
 };
 
 /// Vertex `corner` (0..2) of triangle `prim`.
@@ -199,9 +212,9 @@ const rb_structure* StructureTable() {
 
 /// Registers a built-in structure; `stem` is the name of its file and its registered name.
 #define RAYBENCH_STRUCTURE(stem, T)                     \
-  const rb_structure* RaybenchStructure_##stem() {      \
+  Builtin RaybenchStructure_##stem() {                  \
     static_assert(std::string_view(T::kName) == #stem); \
-    return StructureTable<T>();                         \
+    return {StructureTable<T>(), T::kKind};             \
   }
 
 /// Exports the structures of a plugin library; stands at namespace scope outside of any namespace.

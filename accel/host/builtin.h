@@ -4,11 +4,11 @@
 
 #include <vector>
 
-#include "accel/contract/raybench.h"
+#include "accel/contract/structure.h"
 
 namespace raybench {
 
 /// Sorted by name.
-std::vector<const rb_structure*> BuiltinStructures();
+std::vector<Builtin> BuiltinStructures();
 
 }  // namespace raybench

@@ -53,7 +53,7 @@ std::string Flaw(const rb_structure& s) {
 }  // namespace
 
 Registry::Registry() {
-  for (const rb_structure* structure : BuiltinStructures()) Add(structure, {});
+  for (const Builtin& builtin : BuiltinStructures()) Add(builtin.table, {});
 }
 
 void Registry::Add(const rb_structure* structure, const std::string& origin) {

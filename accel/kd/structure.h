@@ -16,6 +16,7 @@ inline constexpr const char* kKdDuplicationDoc =
 
 class KdStructure {
  public:
+  static constexpr Kind kKind = {"kd-tree", "O(N log N)", "SIMD leaves"};
   static constexpr uint64_t kCapabilities =
       RB_CAN_COUNT | RB_CAN_PROCEDURAL | RB_CAN_AFTER | RB_CAN_SKIP | RB_DETERMINISTIC;
 

@@ -12,6 +12,7 @@ namespace raybench {
 
 class GridStructure {
  public:
+  static constexpr Kind kKind = {"grid", "O(N)", "SIMD leaves"};
   static constexpr uint64_t kCapabilities =
       RB_CAN_COUNT | RB_CAN_PROCEDURAL | RB_CAN_AFTER | RB_CAN_SKIP | RB_DETERMINISTIC;
 

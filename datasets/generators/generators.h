@@ -1,4 +1,5 @@
-// The procedural scenes: one file each, its stem is the name users type.
+// The procedural scenes: one file each, its stem is the name users type. What it defines as `const Generator kNAME`
+// is found by its name.
 #pragma once
 
 #include <algorithm>
@@ -11,15 +12,10 @@
 #include "accel/base/random.h"
 #include "accel/base/vec3.h"
 #include "accel/contract/parameters.h"
+#include "datasets/generators/all_generators.h"
 #include "datasets/scene/scene.h"
 
 namespace raybench {
-
-// A new generator is a file here plus a line in Generators() (load_scene.cpp).
-extern const Generator kBallsGenerator, kCityGenerator, kFibresGenerator, kGearsGenerator,
-    kIcosphereGenerator, kLatticeGenerator, kMengerGenerator, kMountGenerator, kRingsGenerator,
-    kShellsGenerator, kSoupGenerator, kSphereflakeGenerator, kStadiumGenerator, kTeapotGenerator,
-    kTerrainGenerator, kTerrainBoxGenerator, kTetraGenerator, kTreeGenerator;
 
 /// Calls body(i) for each i of 0 <= i < n, in parallel; now and then tells `progress`, on the calling thread,
 /// how much of `share` of the whole is done. A body writes only what belongs to its i, so results do not

@@ -651,10 +651,13 @@ class GltfReader {
            unused_meshes_ = 0, orthographic_cameras_ = 0, hidden_meshes_ = 0;
 };
 
-}  // namespace
-
 Scene ReadGltf(const std::filesystem::path& path, const LoadOptions& options) {
   return GltfReader(path, options).Read();
 }
+
+}  // namespace
+
+const Format kGltf = {".gltf", ReadGltf};
+const Format kGlb = {".glb", ReadGltf};
 
 }  // namespace raybench

@@ -300,12 +300,14 @@ class NffReader : TextReader {
   std::vector<size_t> lights_without_color_;
 };
 
-}  // namespace
-
 Scene ReadNff(const std::filesystem::path& path, const LoadOptions& options) {
   Scene scene;
   NffReader(path, options, scene).Run();
   return scene;
 }
+
+}  // namespace
+
+const Format kNff = {".nff", ReadNff};
 
 }  // namespace raybench

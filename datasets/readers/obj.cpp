@@ -209,8 +209,6 @@ class ObjReader : MeshReader {
   std::map<std::string, uint32_t, std::less<>> index_;
 };
 
-}  // namespace
-
 Scene ReadObj(const std::filesystem::path& path, const LoadOptions& options) {
   Scene scene;
   scene.materials.emplace_back().name = "default";
@@ -219,5 +217,9 @@ Scene ReadObj(const std::filesystem::path& path, const LoadOptions& options) {
   looks.Apply(scene, options.keep_unread);
   return scene;
 }
+
+}  // namespace
+
+const Format kObj = {".obj", ReadObj};
 
 }  // namespace raybench

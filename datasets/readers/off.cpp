@@ -78,12 +78,14 @@ class OffReader : MeshReader {
   std::vector<uint32_t> corners_;
 };
 
-}  // namespace
-
 Scene ReadOff(const std::filesystem::path& path, const LoadOptions& options) {
   Scene scene;
   OffReader(path, options, scene).Run();
   return scene;
 }
+
+}  // namespace
+
+const Format kOff = {".off", ReadOff};
 
 }  // namespace raybench

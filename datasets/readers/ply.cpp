@@ -419,12 +419,14 @@ class PlyReader : MeshReader {
   std::vector<uint32_t> face_;
 };
 
-}  // namespace
-
 Scene ReadPly(const std::filesystem::path& path, const LoadOptions& options) {
   Scene scene;
   PlyReader(path, options, scene).Run();
   return scene;
 }
+
+}  // namespace
+
+const Format kPly = {".ply", ReadPly};
 
 }  // namespace raybench

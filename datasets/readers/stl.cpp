@@ -231,8 +231,6 @@ void IndexCorners(Scene& scene) {
     scene.triangles[i] = {same[3 * i], same[3 * i + 1], same[3 * i + 2]};
 }
 
-}  // namespace
-
 Scene ReadStl(const std::filesystem::path& path, const LoadOptions& options) {
   Scene scene;
   StlReader(path, options, scene).Run();
@@ -244,5 +242,9 @@ Scene ReadStl(const std::filesystem::path& path, const LoadOptions& options) {
   scene.triangle_material.resize(scene.triangles.size());
   return scene;
 }
+
+}  // namespace
+
+const Format kStl = {".stl", ReadStl};
 
 }  // namespace raybench

@@ -82,16 +82,10 @@ int RunCommandLine(std::vector<std::string> arguments) {
   app.add_option("--plugin", invocation.plugins, "Shared library with more structures; may be repeated")
       ->allow_extra_args(false)
       ->type_name("FILE.so");
-  AddRunCommand(app, invocation);
-  AddVerifyCommand(app, invocation);
-  AddFuzzCommand(app, invocation);
-  AddRenderCommand(app, invocation);
-  AddRaysCommand(app, invocation);
-  AddListCommand(app, invocation);
-  AddFetchCommand(app, invocation);
-  AddExtremesCommand(app, invocation);
-  AddSpdCommand(app, invocation);
-  AddReportCommand(app, invocation);
+  std::vector<const Command*> commands(std::begin(kAllCommands), std::end(kAllCommands));
+  std::stable_sort(commands.begin(), commands.end(),
+                   [](const Command* a, const Command* b) { return a->place < b->place; });
+  for (const Command* command : commands) command->add(app, invocation);
 
   // Google Benchmark's flags are its own: they are set aside before ours are read.
   const auto own = std::stable_partition(arguments.begin() + 1, arguments.end(),

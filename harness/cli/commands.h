@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "accel/host/registry.h"
+#include "harness/cli/all_commands.h"
 
 namespace raybench {
 
@@ -22,19 +23,14 @@ struct Invocation {
   std::function<int(const Registry&)> action;
 };
 
-// Each adds its command to the program. Options live as long as the program's `app`; `invocation` must
-// outlive it.
-void AddRunCommand(CLI::App& app, Invocation& invocation);
-void AddRenderCommand(CLI::App& app, Invocation& invocation);
-void AddRaysCommand(CLI::App& app, Invocation& invocation);
-void AddListCommand(CLI::App& app, Invocation& invocation);
+/// Each is a `const Command kNAME` in its file, and found by that name.
+struct Command {
+  int place;  ///< in help: smaller ones first
+  /// Adds the command. Options live as long as the program's `app`; `invocation` must outlive it.
+  void (*add)(CLI::App& app, Invocation& invocation);
+};
+
 void AddListSceneCommand(CLI::App& list, Invocation& invocation);  ///< below `list`
-void AddFetchCommand(CLI::App& app, Invocation& invocation);
-void AddExtremesCommand(CLI::App& app, Invocation& invocation);
-void AddSpdCommand(CLI::App& app, Invocation& invocation);
-void AddReportCommand(CLI::App& app, Invocation& invocation);
-void AddVerifyCommand(CLI::App& app, Invocation& invocation);
-void AddFuzzCommand(CLI::App& app, Invocation& invocation);  ///< and `replay`, `check-plugin`
 
 /// What may stand behind a whole number: nothing, or K, M, G, T, P, E (powers of 1024, perhaps with B or iB).
 enum class Units { kNone, kSizes };

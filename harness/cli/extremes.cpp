@@ -18,10 +18,10 @@ struct ExtremesArguments {
 };
 
 int ListSuites() {
-  for (const extremes::Suite& suite : extremes::Suites()) {
-    fmt::print("{}: {}\n  axis: {}; fails: {}\n", suite.name, suite.doc, suite.axis_title, suite.failure);
-    if (suite.second != nullptr) fmt::print("  second measure: {}\n", suite.second);
-    fmt::print("  claims must hold: {}\n", suite.range);
+  for (const extremes::Suite* suite : extremes::Suites()) {
+    fmt::print("{}: {}\n  axis: {}; fails: {}\n", suite->name, suite->doc, suite->axis_title, suite->failure);
+    if (suite->second != nullptr) fmt::print("  second measure: {}\n", suite->second);
+    fmt::print("  claims must hold: {}\n", suite->range);
   }
   fmt::print("{}\n", extremes::kNotCovered);
   return 0;
@@ -53,8 +53,6 @@ void AddOptions(CLI::App& command, ExtremesArguments& arguments) {
       "reports/EXTREMES.md explains the plots. Exit code 1: a claim was broken inside a suite's range.");
 }
 
-}  // namespace
-
 void AddExtremesCommand(CLI::App& app, Invocation& invocation) {
   AddCommand<ExtremesArguments>(app, invocation, "extremes",
                                 "Find where answers begin to fail as the input gets worse", AddOptions,
@@ -69,5 +67,9 @@ void AddExtremesCommand(CLI::App& app, Invocation& invocation) {
                                   return extremes::Run(registry, options);
                                 });
 }
+
+}  // namespace
+
+const Command kExtremes = {80, AddExtremesCommand};
 
 }  // namespace raybench

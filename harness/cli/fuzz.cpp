@@ -135,8 +135,6 @@ void AddCheckPluginOptions(CLI::App& command, fuzz::CheckPluginOptions& options)
   command.footer(kCheckPluginFooter);
 }
 
-}  // namespace
-
 void AddFuzzCommand(CLI::App& app, Invocation& invocation) {
   AddCommand<FuzzArguments>(app, invocation, "fuzz", "Look for cases in which a structure breaks a promise",
                             AddOptions, [&invocation](FuzzArguments& arguments, const Registry& registry) {
@@ -152,5 +150,9 @@ void AddFuzzCommand(CLI::App& app, Invocation& invocation) {
         return fuzz::RunReplay(registry, options);
       });
 }
+
+}  // namespace
+
+const Command kFuzz = {30, AddFuzzCommand};
 
 }  // namespace raybench

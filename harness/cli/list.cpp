@@ -2,6 +2,9 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <optional>
+
+#include "accel/host/builtin.h"
 #include "accel/host/names.h"
 #include "accel/host/parameters.h"
 #include "datasets/models/fetch.h"
@@ -12,40 +15,11 @@
 namespace raybench {
 namespace {
 
-/// What a structure is, beside what its table says: for a list, not for any decision.
-struct Kind {
-  const char *name, *family;
-  const char* build;  ///< how build time grows with the primitives
-  const char* trace;  ///< what tests primitives: one by one, four at a time (SIMD), or a library
-};
-constexpr Kind kKinds[] = {{"bounds_flat", "no hierarchy", "O(N)", "scalar"},
-                           {"brute", "no hierarchy", "none", "scalar"},
-                           {"null", "no hierarchy", "none", "none"},
-                           {"grid", "grid", "O(N)", "SIMD leaves"},
-                           {"grid_recursive", "grid", "O(N)", "SIMD leaves"},
-                           {"octree", "octree", "O(N log N)", "SIMD leaves"},
-                           {"quadtree", "quadtree", "O(N log N)", "SIMD leaves"},
-                           {"kdtree_object_median", "kd-tree", "O(N log N)", "SIMD leaves"},
-                           {"kdtree_sah", "kd-tree", "O(N log N)", "SIMD leaves"},
-                           {"kdtree_spatial_median", "kd-tree", "O(N log N)", "SIMD leaves"},
-                           {"bvh_median", "BVH", "O(N log N)", "SIMD leaves"},
-                           {"bvh_morton", "BVH", "O(N)", "SIMD leaves"},
-                           {"bvh_ploc", "BVH", "O(N)", "SIMD leaves"},
-                           {"bvh_sah", "BVH", "O(N log N)", "SIMD leaves"},
-                           {"bvh_spatial", "BVH", "O(N log N)", "SIMD leaves"},
-                           {"bvh_sweep", "BVH", "O(N log N)", "SIMD leaves"},
-                           {"bvh_sphere", "other bounds", "O(N log N)", "SIMD leaves"},
-                           {"kdop", "other bounds", "O(N log N)", "SIMD leaves"},
-                           {"cgal_aabb", "library", "O(N log N)", "library"},
-                           {"embree", "library", "O(N log N)", "library"},
-                           {"embree_topology", "library", "O(N log N)", "SIMD leaves"}};
-
 /// None for a plugin, of which no more is known than its table says.
-const Kind* KindOf(const Registry& registry, const rb_structure& structure) {
-  if (!registry.OriginOf(structure).empty()) return nullptr;
-  for (const Kind& kind : kKinds)
-    if (std::string_view(kind.name) == structure.name) return &kind;
-  return nullptr;
+std::optional<Kind> KindOf(const rb_structure& structure) {
+  for (const Builtin& builtin : BuiltinStructures())
+    if (builtin.table == &structure) return builtin.kind;
+  return std::nullopt;
 }
 
 constexpr std::pair<uint64_t, const char*> kAbilities[] = {
@@ -161,7 +135,7 @@ struct ListOneOptions {
 };
 
 Json Describe(const Registry& registry, const rb_structure& s) {
-  const Kind* kind = KindOf(registry, s);
+  const std::optional<Kind> kind = KindOf(s);
   const std::string origin = registry.OriginOf(s);
   Json json;
   json["name"] = s.name;
@@ -188,7 +162,7 @@ int ListStructures(const Registry& registry, const ListOptions& options) {
   }
   std::vector<std::vector<std::string>> rows = {{"name", "family", "build", "trace", "what it is"}};
   for (const rb_structure* s : registry.structures()) {
-    const Kind* kind = KindOf(registry, *s);
+    const std::optional<Kind> kind = KindOf(*s);
     rows.push_back({s->name, kind ? kind->family : "plugin", kind ? kind->build : "-",
                     kind ? kind->trace : "-", s->doc});
   }
@@ -206,7 +180,7 @@ int ListStructure(const Registry& registry, const ListOneOptions& options) {
   fmt::print("{}\n", s.name);
   PrintWrapped(2, s.doc);
   PrintWrapped(2, fmt::format("source: {}", s.source));
-  if (const Kind* kind = KindOf(registry, s)) {
+  if (const std::optional<Kind> kind = KindOf(s)) {
     PrintWrapped(2, fmt::format("family: {}; build: {}; trace: {}", kind->family, kind->build, kind->trace));
   } else {
     PrintWrapped(2, fmt::format("plugin: {}", registry.OriginOf(s)));
@@ -353,8 +327,6 @@ void AddListOneOptions(CLI::App& command, ListOneOptions& options) {
   command.add_flag("--json", options.json, "Print this as JSON");
 }
 
-}  // namespace
-
 void AddListCommand(CLI::App& app, Invocation& invocation) {
   CLI::App& list = *app.add_subcommand("list", "List structures, generators, models and scenes");
   list.require_subcommand(0, 1);
@@ -389,5 +361,9 @@ void AddListCommand(CLI::App& app, Invocation& invocation) {
       [](const ListOptions& options, const Registry&) { return ListScenes(options); });
   AddListSceneCommand(list, invocation);
 }
+
+}  // namespace
+
+const Command kList = {60, AddListCommand};
 
 }  // namespace raybench

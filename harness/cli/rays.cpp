@@ -145,8 +145,6 @@ void AddRecordOptions(CLI::App& command, RecordOptions& record) {
       "tracer/rays/recorder/ has a C header that records the rays of other programs.");
 }
 
-}  // namespace
-
 void AddRaysCommand(CLI::App& app, Invocation& invocation) {
   CLI::App& rays = *app.add_subcommand("rays", "Record ray sets as .rays files, or inspect such files");
   rays.fallthrough();
@@ -174,5 +172,9 @@ void AddRaysCommand(CLI::App& app, Invocation& invocation) {
         return 0;
       });
 }
+
+}  // namespace
+
+const Command kRays = {50, AddRaysCommand};
 
 }  // namespace raybench

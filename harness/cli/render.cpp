@@ -128,8 +128,6 @@ int RenderCommand(const Registry& registry, const RenderOptions& options) {
   return 0;
 }
 
-}  // namespace
-
 void AddRenderCommand(CLI::App& app, Invocation& invocation) {
   AddCommand<RenderOptions>(
       app, invocation, "render", "Render one picture, or a heat map of the cost of traversal",
@@ -191,5 +189,9 @@ void AddRenderCommand(CLI::App& app, Invocation& invocation) {
         return RenderCommand(registry, options);
       });
 }
+
+}  // namespace
+
+const Command kRender = {40, AddRenderCommand};
 
 }  // namespace raybench

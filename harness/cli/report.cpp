@@ -8,6 +8,8 @@
 
 namespace raybench {
 
+namespace {
+
 void AddReportCommand(CLI::App& app, Invocation& invocation) {
   AddCommand<std::string>(
       app, invocation, "report", "Draw the plots of a result folder again",
@@ -25,5 +27,9 @@ void AddReportCommand(CLI::App& app, Invocation& invocation) {
         return Reports().Run({folder});
       });
 }
+
+}  // namespace
+
+const Command kReport = {100, AddReportCommand};
 
 }  // namespace raybench

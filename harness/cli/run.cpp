@@ -87,8 +87,6 @@ void AddOptions(CLI::App& command, RunArguments& arguments) {
                  "sample) and --benchmark_filter=REGEX (of scene/structure/ray set/order/query/threads:N).");
 }
 
-}  // namespace
-
 void AddRunCommand(CLI::App& app, Invocation& invocation) {
   AddCommand<RunArguments>(
       app, invocation, "run", "Verify and measure structures on scenes", AddOptions,
@@ -113,5 +111,9 @@ void AddRunCommand(CLI::App& app, Invocation& invocation) {
         return RunBenchmark(registry, run);
       });
 }
+
+}  // namespace
+
+const Command kRun = {10, AddRunCommand};
 
 }  // namespace raybench

@@ -323,8 +323,6 @@ class Spd {
   std::vector<Row> rows_;
 };
 
-}  // namespace
-
 void AddSpdCommand(CLI::App& app, Invocation& invocation) {
   AddCommand<SpdOptions>(
       app, invocation, "spd",
@@ -352,5 +350,9 @@ void AddSpdCommand(CLI::App& app, Invocation& invocation) {
       },
       [](const SpdOptions& options, const Registry& registry) { return Spd(registry, options).Go(); });
 }
+
+}  // namespace
+
+const Command kSpd = {90, AddSpdCommand};
 
 }  // namespace raybench

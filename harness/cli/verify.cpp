@@ -182,13 +182,15 @@ int Verify(VerifyArguments& arguments, const Registry& registry, const Invocatio
   return verify.closed != 0 ? RunClosed(registry, verify) : RunVerify(registry, verify);
 }
 
-}  // namespace
-
 void AddVerifyCommand(CLI::App& app, Invocation& invocation) {
   AddCommand<VerifyArguments>(app, invocation, "verify", "Find out whether structures lose rays", AddOptions,
                               [&invocation](VerifyArguments& arguments, const Registry& registry) {
                                 return Verify(arguments, registry, invocation);
                               });
 }
+
+}  // namespace
+
+const Command kVerify = {20, AddVerifyCommand};
 
 }  // namespace raybench

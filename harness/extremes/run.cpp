@@ -73,8 +73,7 @@ class ExtremesRun {
       if (!seen.insert(name).second) throw InputError(fmt::format("suite '{}' is given twice", name));
       suites_.push_back(&FindSuite(name));
     }
-    if (suites_.empty())
-      for (const Suite& suite : Suites()) suites_.push_back(&suite);
+    if (suites_.empty()) suites_.assign(Suites().begin(), Suites().end());
     for (const Suite* suite : suites_)
       for (const Point& point : options_.quick ? Thinned(suite->points()) : suite->points())
         plan_.push_back({suite, point});

@@ -1,6 +1,6 @@
 // Suites of extremes: inputs that get worse along one axis, to see where answers begin to fail.
 //
-// A suite is a row in the table of suites.cpp. It lists the points of its axis and makes, for one of them, a
+// A suite is a `const Suite kNAME` in a file of this folder, and found by that name. It lists the points of its axis and makes, for one of them, a
 // scene (through Scene::Finish, so that what the scene model refuses is refused here too), rays, and what
 // counts as a failure.
 #pragma once
@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "accel/host/registry.h"
+#include "harness/extremes/all_suites.h"
 #include "harness/truth/oracle.h"
 
 namespace raybench::extremes {
@@ -57,17 +58,10 @@ struct Suite {
   Workload (*make)(const Point& point, uint64_t rays, uint64_t seed);
 };
 
-std::span<const Suite> Suites();
+std::span<const Suite* const> Suites();
 /// Throws InputError with the nearest known name.
 const Suite& FindSuite(const std::string& name);
 /// What is known to go wrong elsewhere and no suite covers, with the reason; for --list.
 extern const char* const kNotCovered;
-
-// The suites, by what they vary.
-extern const Suite kEdgeAim, kSliver, kSilhouette;                  // aim.cpp
-extern const Suite kFarScene, kFarOrigin, kScale;                   // far.cpp
-extern const Suite kAxisParallel, kSplitPlane, kFlatBox, kThinGap;  // planes.cpp
-extern const Suite kCoincident, kDegenerate, kTeapotInStadium;      // many.cpp
-extern const Suite kSelfHit, kSelfHitFar;                           // self_hit.cpp
 
 }  // namespace raybench::extremes

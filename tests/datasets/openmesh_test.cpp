@@ -62,10 +62,10 @@ struct ReaderPair {
 
 ReaderPair ReadersOf(const std::filesystem::path& path) {
   const std::string ending = path.extension().string();
-  if (ending == ".obj") return {ReadObj, OpenMesh::IO::OBJReader()};
-  if (ending == ".off") return {ReadOff, OpenMesh::IO::OFFReader()};
-  if (ending == ".ply") return {ReadPly, OpenMesh::IO::PLYReader()};
-  return {ReadStl, OpenMesh::IO::STLReader()};
+  if (ending == ".obj") return {kObj.read, OpenMesh::IO::OBJReader()};
+  if (ending == ".off") return {kOff.read, OpenMesh::IO::OFFReader()};
+  if (ending == ".ply") return {kPly.read, OpenMesh::IO::PLYReader()};
+  return {kStl.read, OpenMesh::IO::STLReader()};
 }
 
 /// The corners of all triangles but those with two at one place: of these OpenMesh leaves out some.

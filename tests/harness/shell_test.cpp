@@ -139,7 +139,7 @@ TEST_F(HarnessShell, ListsHaveALineEachAndJsonHasAll) {
   ASSERT_EQ(all.size(), registry.structures().size());
   for (const auto& s : all)
     for (const char* key : {"family", "build", "trace"})
-      EXPECT_TRUE(s[key].is_string()) << s["name"] << " lacks its " << key << " in cli/list.cpp";
+      EXPECT_TRUE(s[key].is_string()) << s["name"] << " lacks its " << key;
   const auto one = nlohmann::json::parse(Call({"list", "structure", "bvh_sah", "--json"}).out);
   EXPECT_EQ(one["parameters"][0]["name"], "numerics");
   EXPECT_EQ(one["parameters"][0]["default"], "watertight");

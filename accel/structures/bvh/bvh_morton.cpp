@@ -104,6 +104,7 @@ class BvhMorton : public BvhStructure {
   static constexpr const char* kName = "bvh_morton";
   static constexpr const char* kDoc = "binary BVH along a space-filling curve (LBVH), the fastest to build";
   static constexpr const char* kSource = "Lauterbach et al. 2009: Fast BVH construction on GPUs";
+  static constexpr Kind kKind = {"BVH", "O(N)", "SIMD leaves"};
   static std::span<const rb_param> Params() {
     static const rb_param params[] = {kBvhNumerics, BvhLeafSize(8), kBvhTraversalCost, kBvhReinsertion};
     return params;

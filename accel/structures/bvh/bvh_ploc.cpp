@@ -147,6 +147,7 @@ class BvhPloc : public BvhStructure {
   static constexpr const char* kDoc = "binary BVH by parallel locally-ordered clustering";
   static constexpr const char* kSource =
       "Meister, Bittner 2018: Parallel locally-ordered clustering for bounding volume hierarchy construction";
+  static constexpr Kind kKind = {"BVH", "O(N)", "SIMD leaves"};
   static std::span<const rb_param> Params() {
     static const rb_param params[] = {kBvhNumerics,
                                       IntParam("radius", "clusters looked at on either side, in Morton order",

@@ -25,6 +25,7 @@ class BvhSphere {
   static constexpr const char* kDoc = "binary hierarchy of bounding spheres";
   static constexpr const char* kSource =
       "Rubin, Whitted 1980: A 3-dimensional representation for fast rendering";
+  static constexpr Kind kKind = {"other bounds", "O(N log N)", "SIMD leaves"};
   static constexpr uint64_t kCapabilities =
       RB_CAN_COUNT | RB_CAN_PROCEDURAL | RB_CAN_AFTER | RB_CAN_SKIP | RB_DETERMINISTIC;
   static std::span<const rb_param> Params() {

@@ -30,6 +30,7 @@ class Kdop {
   static constexpr const char* kDoc = "binary hierarchy of k-DOPs: boxes with corners or edges cut off";
   static constexpr const char* kSource =
       "Kay, Kajiya 1986: Ray tracing complex scenes; Klosowski et al. 1998";
+  static constexpr Kind kKind = {"other bounds", "O(N log N)", "SIMD leaves"};
   static constexpr uint64_t kCapabilities =
       RB_CAN_COUNT | RB_CAN_PROCEDURAL | RB_CAN_AFTER | RB_CAN_SKIP | RB_DETERMINISTIC;
   static std::span<const rb_param> Params() {

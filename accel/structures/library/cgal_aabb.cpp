@@ -226,6 +226,7 @@ class CgalAabb {
   static constexpr const char* kDoc = "CGAL's AABB tree, as its users have it";
   static constexpr const char* kSource =
       "Alliez, Tayeb, Wormser: 3D Fast Intersection and Distance, CGAL manual";
+  static constexpr Kind kKind = {"library", "O(N log N)", "library"};
   static constexpr uint64_t kCapabilities = RB_CAN_AFTER | RB_CAN_SKIP | RB_DETERMINISTIC;
   static std::span<const rb_param> Params() {
     static const char* const kKernels[] = {"epick", "cartesian_double", "cartesian_float", nullptr};

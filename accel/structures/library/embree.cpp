@@ -53,6 +53,7 @@ class Embree {
   static constexpr const char* kSource =
       "Wald, Woop, Benthin, Johnson, Ernst 2014: Embree, a kernel framework";
   // Embree promises the same tree only for one thread.
+  static constexpr Kind kKind = {"library", "O(N log N)", "library"};
   static constexpr uint64_t kCapabilities = RB_CAN_PROCEDURAL;
   static std::span<const rb_param> Params() {
     static const rb_param params[] = {

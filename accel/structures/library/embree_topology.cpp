@@ -61,6 +61,7 @@ class EmbreeTopology {
       "Embree's builder (rtcBuildBVH) under a counting traversal: a proxy for its node visits";
   static constexpr const char* kSource =
       "Wald, Woop, Benthin, Johnson, Ernst 2014: Embree, a kernel framework";
+  static constexpr Kind kKind = {"library", "O(N log N)", "SIMD leaves"};
   static constexpr uint64_t kCapabilities = RB_CAN_COUNT | RB_CAN_PROCEDURAL | RB_CAN_AFTER | RB_CAN_SKIP;
   static std::span<const rb_param> Params() {
     static const char* const kQualities[] = {"low", "medium", nullptr};

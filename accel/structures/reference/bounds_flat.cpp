@@ -26,6 +26,7 @@ class BoundsFlat {
   static constexpr const char* kDoc = "one bound per primitive, no tree: linear, shows how tight a bound is";
   static constexpr const char* kSource =
       "Weghorst, Hooper, Greenberg 1984: Improved computational methods for ray tracing";
+  static constexpr Kind kKind = {"no hierarchy", "O(N)", "scalar"};
   static constexpr uint64_t kCapabilities =
       RB_CAN_COUNT | RB_CAN_PROCEDURAL | RB_CAN_AFTER | RB_CAN_SKIP | RB_DETERMINISTIC | RB_LINEAR;
   static std::span<const rb_param> Params() {

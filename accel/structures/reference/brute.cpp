@@ -13,6 +13,7 @@ class Brute {
   static constexpr const char* kName = "brute";
   static constexpr const char* kDoc = "every ray against every primitive: the reference, linear in both";
   static constexpr const char* kSource = "raybench";
+  static constexpr Kind kKind = {"no hierarchy", "none", "scalar"};
   static constexpr uint64_t kCapabilities =
       RB_CAN_COUNT | RB_CAN_PROCEDURAL | RB_CAN_AFTER | RB_CAN_SKIP | RB_DETERMINISTIC | RB_LINEAR;
   static std::span<const rb_param> Params() {

@@ -11,6 +11,7 @@ class Null {
   static constexpr const char* kName = "null";
   static constexpr const char* kDoc = "always misses: the cost of the harness itself";
   static constexpr const char* kSource = "raybench";
+  static constexpr Kind kKind = {"no hierarchy", "none", "none"};
   static constexpr uint64_t kCapabilities =
       RB_CAN_COUNT | RB_CAN_PROCEDURAL | RB_CAN_AFTER | RB_CAN_SKIP | RB_DETERMINISTIC;
   static std::span<const rb_param> Params() { return {}; }

@@ -51,6 +51,7 @@ class Octree : public CenterStructure<Octree, OctreeNode> {
   static constexpr const char* kName = "octree";
   static constexpr const char* kDoc = "octree over bounds, all children of a node tested at once";
   static constexpr const char* kSource = "Glassner 1984: Space subdivision for fast ray tracing";
+  static constexpr Kind kKind = {"octree", "O(N log N)", "SIMD leaves"};
   static std::span<const rb_param> Params() {
     static const rb_param params[] = {NumericsParam(offsetof(Config, numerics)),
                                       CenterDepthParam(offsetof(Config, depth)),

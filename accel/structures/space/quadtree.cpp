@@ -65,6 +65,7 @@ class Quadtree : public CenterStructure<Quadtree, QuadtreeNode> {
   static constexpr const char* kDoc = "quadtree in a plane, heights in its cells: for height fields";
   static constexpr const char* kSource =
       "Finkel and Bentley 1974: Quad trees, a data structure for retrieval on composite keys";
+  static constexpr Kind kKind = {"quadtree", "O(N log N)", "SIMD leaves"};
   static std::span<const rb_param> Params() {
     static const rb_param params[] = {
         NumericsParam(offsetof(Config, numerics)),
