@@ -26,8 +26,6 @@ namespace raybench::fuzz {
 using Text = std::optional<std::string>;
 
 inline constexpr float kInfinity = std::numeric_limits<float>::infinity();
-/// Rays of a case that are asked about once more with another interval, skip or after.
-inline constexpr size_t kFollowed = 12;
 
 class Examiner {
  public:
@@ -105,6 +103,8 @@ class Examiner {
     if (!truth_) truth_ = TheOracle().Ask(case_.rays, 1);
     return *truth_;
   }
+  /// Rays that are asked about once more with another interval, skip or after: a few, or all for one promise alone.
+  size_t Followed() const { return case_.check.empty() ? 12 : case_.rays.size(); }
   size_t MostHits() const { return 2 * case_.primitives() + 4; }
   const std::vector<rb_hit>& WalkOf(size_t ray) {
     const auto it = walks_.find(ray);
@@ -114,7 +114,7 @@ class Examiner {
   /// Rays that hit something, a few of them.
   std::vector<size_t> Hitting() {
     std::vector<size_t> rays;
-    for (size_t i = 0; i < case_.rays.size() && rays.size() < kFollowed; ++i)
+    for (size_t i = 0; i < case_.rays.size() && rays.size() < Followed(); ++i)
       if (Closest().hits[i].prim < case_.primitives()) rays.push_back(i);
     return rays;
   }

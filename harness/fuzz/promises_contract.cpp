@@ -7,6 +7,13 @@
 #include "harness/fuzz/examiner.h"
 
 namespace raybench::fuzz {
+namespace {
+
+/// Hits of a walk that are compared with truth.
+constexpr size_t kJudgedHits = 12;
+
+}  // namespace
+
 Text Examiner::Contract() {
   for (const Answer* answer : {&Closest(), &Any()})
     if (!answer->flaw.empty()) return answer->flaw;
@@ -202,7 +209,7 @@ bool Examiner::IsCopy(uint32_t a, uint32_t b) const {
 Text Examiner::JudgeWalk(size_t i, const std::vector<rb_hit>& walk) {
   std::vector<rb_ray> rays;
   std::vector<rb_hit> hits;
-  for (size_t k = 0; k < std::min(walk.size(), kFollowed); ++k) {
+  for (size_t k = 0; k < std::min(walk.size(), kJudgedHits); ++k) {
     rb_ray ray = case_.rays[i];
     ray.tnear = walk[k].t;
     const bool last = k + 1 == walk.size();

@@ -44,7 +44,7 @@ class Shrinker {
 
   /// Fewer primitives may fail only with other rays: a few of those there are, drawn at random, the fewest first.
   bool AimedElsewhere() {
-    constexpr size_t kSmall = 4, kLarge = 200, kTries = 16, kRays = 400;
+    constexpr size_t kSmall = 4, kLarge = 200, kTries = 24, kRays = 400;
     const size_t n = best_.primitives();
     if (best_.rays.size() != 1 || n < 2 || n > kLarge) return false;
     Random random(best_.seed, tries_);
@@ -53,8 +53,19 @@ class Shrinker {
         Case candidate = best_;
         while (candidate.primitives() > size) DropOne(candidate, random.Below(candidate.primitives()));
         AimAnew(candidate, kRays, random);
+        // Large leaves need much to fill them.
+        if (i % 2 == 0) candidate.structure = ParseSpec(best_.structure).name;
         if (Try(candidate)) return true;
       }
+    }
+    // What only a crowd of primitives shows here may be shown by few others.
+    for (uint64_t i = 0; n > kSmall && i < 8 * kTries && !stop_(); ++i) {
+      Case candidate = GenerateCase(best_.exact ? Mode::kExact : Mode::kChaotic, best_.seed, i);
+      while (candidate.primitives() > kSmall) DropOne(candidate, random.Below(candidate.primitives()));
+      AimAnew(candidate, kRays, random);
+      candidate.structure = ParseSpec(best_.structure).name;
+      candidate.check = best_.check, candidate.seed = best_.seed;
+      if (Try(candidate)) return true;
     }
     return false;
   }
