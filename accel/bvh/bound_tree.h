@@ -16,6 +16,7 @@
 
 #include "accel/base/parallel.h"
 #include "accel/bvh/binary_tree.h"
+#include "accel/contract/cancel.h"
 #include "accel/ray/leaf_blocks.h"
 
 namespace raybench {
@@ -68,7 +69,7 @@ class BoundTree {
     // Where the bound of a union is the union of bounds, leaves are enough and the rest follows.
     constexpr bool kMerges = requires(Bound & a, const Bound& b) { a.Extend(b); };
     ParallelFor(Range<size_t>(0, sources.size(), 64), [&](const auto& range) {
-      if (cancel != nullptr && *cancel != 0) return;
+      if (IsCancelled(cancel)) return;
       for (size_t i = range.begin(); i < range.end(); ++i) {
         const uint32_t* prims = &tree.order[sources[i].first];
         const bool is_leaf = leaf_size[i] > 0;
@@ -84,7 +85,7 @@ class BoundTree {
         nodes_[i].bound.Extend(nodes_[right[i]].bound);
       }
     }
-    if (cancel != nullptr && *cancel != 0) throw std::runtime_error("cancelled");
+    CheckCancel(cancel);
   }
 
   template <class Test, class Counter>

@@ -11,6 +11,7 @@
 #include "accel/base/parallel.h"
 #include "accel/base/simd.h"
 #include "accel/bvh/binary_tree.h"
+#include "accel/contract/cancel.h"
 #include "accel/contract/structure.h"
 #include "accel/ray/bounds.h"
 
@@ -63,11 +64,6 @@ inline void SetLeaf(BuildNode& node, size_t first, size_t count) {
 inline uint32_t SetInner(BuildNode& node, uint32_t slot, size_t left_prims) {
   node.right = slot + 2 * uint32_t(left_prims), node.first = 0, node.count = 0;
   return node.right;
-}
-
-/// Throws std::runtime_error when the build shall stop.
-inline void CheckCancel(const volatile int* cancel) {
-  if (cancel != nullptr && *cancel != 0) throw std::runtime_error("cancelled");
 }
 
 inline constexpr size_t kParallelRange = size_t{1} << 16;  ///< longer ranges are worked on in parallel

@@ -7,6 +7,7 @@
 
 #include "accel/base/lifo_memory.h"
 #include "accel/base/parallel.h"
+#include "accel/contract/cancel.h"
 #include "accel/kd/events.h"
 #include "accel/ray/bounds.h"
 
@@ -118,7 +119,7 @@ class Builder {
 
   void Recurse(Cell& cell, LifoMemory& memory, KdSubtree& out) {
     const size_t n = cell.size();
-    if (n >= kTask && cancel_ != nullptr && *cancel_ != 0) throw std::runtime_error("cancelled");
+    if (n >= kTask) CheckCancel(cancel_);
     const LifoMemory::Frame frame(memory);
     Cell left, right;
     KdPlane plane;

@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "accel/base/parallel.h"
+#include "accel/contract/cancel.h"
 
 namespace raybench {
 namespace {
@@ -60,7 +61,7 @@ class Builder {
     }
     masks_.resize(refs_.size());
     ParallelFor(size_t{0}, chunks.size(), [&](size_t c) {
-      if (build_.cancel != nullptr && *build_.cancel != 0) throw std::runtime_error("cancelled");
+      CheckCancel(build_.cancel);
       Look(open[chunks[c].open], chunks[c]);
     });
 

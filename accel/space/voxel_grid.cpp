@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "accel/base/parallel.h"
+#include "accel/contract/cancel.h"
 
 namespace raybench {
 namespace {
@@ -100,7 +101,7 @@ class Builder {
   template <class Fn>
   void ForEachPrim(std::span<const uint32_t> prims, Fn&& fn) const {
     auto run = [&](size_t begin, size_t end) {
-      if (options_.cancel != nullptr && *options_.cancel != 0) throw std::runtime_error("cancelled");
+      CheckCancel(options_.cancel);
       for (size_t i = begin; i < end; ++i) fn(prims[i]);
     };
     if (prims.size() < kParallelPrims) return run(0, prims.size());

@@ -6,9 +6,10 @@
 namespace raybench {
 namespace {
 
+/// Written by the signal handler, read by all threads: as an atomic (accel/contract/cancel.h).
 volatile int g_interrupted = 0;
 
-void OnSignal(int) { g_interrupted = 1; }
+void OnSignal(int) { __atomic_store_n(&g_interrupted, 1, __ATOMIC_RELAXED); }
 
 }  // namespace
 
@@ -24,7 +25,7 @@ void CatchInterrupts() {
   }
 }
 
-bool Interrupted() { return g_interrupted != 0; }
+bool Interrupted() { return __atomic_load_n(&g_interrupted, __ATOMIC_RELAXED) != 0; }
 
 void ThrowIfInterrupted() {
   if (Interrupted()) throw InterruptedError();

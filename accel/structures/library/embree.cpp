@@ -23,6 +23,7 @@
 
 #include "accel/base/error.h"
 #include "accel/base/parallel.h"
+#include "accel/contract/cancel.h"
 #include "accel/contract/structure.h"
 #include "accel/contract/valid_ray.h"
 
@@ -287,10 +288,7 @@ class Embree {
     const int64_t now = e.bytes_.fetch_add(bytes) + bytes;
     return bytes <= 0 || e.limit_ == 0 || now <= int64_t(e.limit_);
   }
-  static bool KeepGoing(void* self, double) {
-    const volatile int* cancel = static_cast<Embree*>(self)->cancel_;
-    return cancel == nullptr || *cancel == 0;
-  }
+  static bool KeepGoing(void* self, double) { return !IsCancelled(static_cast<Embree*>(self)->cancel_); }
 
   rb_geometry geometry_;
   Config config_;

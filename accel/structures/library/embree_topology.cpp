@@ -24,6 +24,7 @@
 #include <vector>
 
 #include "accel/base/parallel.h"
+#include "accel/contract/cancel.h"
 #include "accel/ray/leaf_blocks.h"
 
 namespace raybench {
@@ -120,8 +121,7 @@ class EmbreeTopology {
       return leaf;
     };
     build.buildProgress = [](void* cancel, double) {
-      const auto* flag = static_cast<const volatile int*>(cancel);
-      return flag == nullptr || *flag == 0;
+      return !IsCancelled(static_cast<const volatile int*>(cancel));
     };
     build.userPtr = const_cast<int*>(options.cancel);
     const Made* root;
@@ -129,7 +129,7 @@ class EmbreeTopology {
       const ThreadLimit threads(options.threads);
       root = static_cast<const Made*>(rtcBuildBVH(&build));
     }
-    if (options.cancel != nullptr && *options.cancel != 0) throw std::runtime_error("cancelled");
+    CheckCancel(options.cancel);
     if (root == nullptr)
       throw std::runtime_error(fmt::format("Embree reports error {}", int(rtcGetDeviceError(device.get()))));
     LayOut(geometry, *root);

@@ -12,6 +12,7 @@
 
 #include "accel/bvh/bounds/kdop.h"
 #include "accel/bvh/bounds/sphere.h"
+#include "accel/contract/cancel.h"
 #include "accel/ray/primitive.h"
 
 namespace raybench {
@@ -102,8 +103,7 @@ class BoundsFlat {
     std::vector<Bound> bounds;
     bounds.reserve(n);
     for (uint32_t i = 0; i < n; ++i) {
-      if (i % 4096 == 0 && options.cancel != nullptr && *options.cancel != 0)
-        throw std::runtime_error("cancelled");
+      if (i % 4096 == 0) CheckCancel(options.cancel);
       bounds.push_back(Bound::Around(geometry_, &i, 1, IsConservative(numerics_)));
     }
     bounds_ = std::move(bounds);

@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "accel/contract/cancel.h"
 #include "accel/ray/primitive.h"
 
 namespace raybench::saboteurs {
@@ -40,7 +41,7 @@ struct Honest {
 /// Throws if the build shall stop or needs more bytes than it may take.
 template <class Fault>
 void CheckBuild(const rb_build_options& options, uint64_t bytes) {
-  if (options.cancel != nullptr && *options.cancel != 0) throw std::runtime_error("cancelled");
+  CheckCancel(options.cancel);
   if (Fault::kKeepsMemoryLimit && options.memory_limit > 0 && bytes > options.memory_limit)
     throw std::runtime_error("the tree does not fit into the memory limit");
 }
