@@ -97,7 +97,7 @@ TEST(FuzzGenerate, MakesTheSameCasesAgainAndSoundOnes) {
 
 TEST(FuzzLattice, AgreesWithTheOracle) {
   size_t hits = 0, misses = 0;
-  for (uint64_t i = 0; i < Effort(400); ++i) {
+  for (uint64_t i = 0; i < 600; ++i) {
     const Case c = GenerateCase(Mode::kExact, 9, i);
     ASSERT_TRUE(c.exact);
     const Scene scene = SceneOf(c);
