@@ -146,6 +146,8 @@ Text Examiner::BeginsAtHit() {
     if (!Can(RB_CAN_AFTER) || HasExactIntervals()) continue;
     const std::vector<rb_hit>& walk = WalkOf(i);
     const auto walked = std::find_if(walk.begin(), walk.end(), [&](const rb_hit& h) { return h.t > hit.t; });
+    // t is clamped into the primitive's box after the interval was looked at, which moves it by a few ulp.
+    if (walked != walk.end() && walked->t <= hit.t * (1 + 0x1p-20f)) continue;
     if (walked == walk.end() ? next.prim != RAYBENCH_NONE : !SameHit(*walked, next))
       return fmt::format("{}, with tnear at the hit: {}, but `after` walks to {}", RayText(i), Describe(next),
                          walked == walk.end() ? "nothing" : Describe(*walked));
