@@ -33,7 +33,7 @@ Examination Examiner::Run(const std::function<void(const char*)>& on_check) {
   result_.looked_at.push_back("builds");
   for (const auto& [info, check] : kTable) {
     if (!case_.check.empty() && case_.check != info.name) continue;
-    if (!IsAskedOf(info.demand)) continue;
+    if (!IsAskedOf(info.demand) || (info.capability != 0 && !Can(info.capability))) continue;
     if (on_check) on_check(info.name);
     result_.looked_at.push_back(info.name);
     if (auto text = (this->*check)()) Found(info.name, std::move(*text));
@@ -66,14 +66,17 @@ const Examiner::Row Examiner::kTable[] = {
     {{"any_closest", kAlways, "any-hit says whether there is a closest hit"}, &Examiner::AnyIsClosest},
     {{"tfar", kConservative, "tfar at a hit keeps it, tfar before it does not"}, &Examiner::EndsAtHit},
     {{"tnear", kConservative, "tnear at a hit leads to the next one"}, &Examiner::BeginsAtHit},
-    {{"skip", kAlways, "a skipped primitive is not hit, and nothing else is lost"}, &Examiner::Skip},
-    {{"after", kAlways, "`after` walks all hits in order"}, &Examiner::After},
+    {{"skip", kAlways, "a skipped primitive is not hit, and nothing else is lost", RB_CAN_SKIP},
+     &Examiner::Skip},
+    {{"after", kAlways, "`after` walks all hits in order", RB_CAN_AFTER}, &Examiner::After},
     {{"batch", kAlways, "the same answers in batches of any size, and asked again"}, &Examiner::Batches},
-    {{"counted", kAlways, "counting changes no answer, and counts the same each time"}, &Examiner::Counting},
+    {{"counted", kAlways, "counting changes no answer, and counts the same each time", RB_CAN_COUNT},
+     &Examiner::Counting},
     {{"threads", kAlways, "several threads may ask at once"}, &Examiner::Threads},
-    {{"rebuilt", kAlways, "the same tree each time"}, &Examiner::SameTreeTwice},
-    {{"build_threads", kAlways, "the same tree on any number of threads"}, &Examiner::SameTreeOnThreads},
-    {{"needs", kAlways, "the same hits where less is needed"}, &Examiner::FewerNeeds},
+    {{"rebuilt", kAlways, "the same tree each time", RB_DETERMINISTIC}, &Examiner::SameTreeTwice},
+    {{"build_threads", kAlways, "the same tree on any number of threads", RB_DETERMINISTIC},
+     &Examiner::SameTreeOnThreads},
+    {{"needs", kAlways, "the same hits where less is needed", RB_DETERMINISTIC}, &Examiner::FewerNeeds},
     {{"memory_limit", kAlways, "a tree within the memory limit, or none"}, &Examiner::KeepsMemoryLimit},
     {{"brute", kOwn, "the answers of brute force, to the bit"}, &Examiner::IsBrute},
     {{"scaled", kOwn, "scaling by a power of two changes no bit"}, &Examiner::Scaled},

@@ -20,7 +20,8 @@ enum class Demand {
 struct CheckInfo {
   const char* name;
   Demand demand;
-  const char* doc;  ///< what is promised, one line
+  const char* doc;          ///< what is promised, one line
+  uint64_t capability = 0;  ///< RB_*: who does not have it promises nothing here
 };
 /// In the order in which they are looked at.
 std::span<const CheckInfo> Checks();

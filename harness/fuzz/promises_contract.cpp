@@ -66,7 +66,6 @@ Text Examiner::Batches() {
 }
 
 Text Examiner::Counting() {
-  if (!Can(RB_CAN_COUNT)) return std::nullopt;
   for (uint32_t kind : {RB_CLOSEST, RB_ANY}) {
     Question q = All(kind);
     q.counted = true;
@@ -132,7 +131,6 @@ Text Examiner::Threads() {
 }
 
 Text Examiner::Skip() {
-  if (!Can(RB_CAN_SKIP)) return std::nullopt;
   for (size_t i : Hitting()) {
     const uint32_t prim = Closest().hits[i].prim;
     const PrimKind kind = scene_.Locate(prim).kind;
@@ -164,7 +162,7 @@ Text Examiner::Skip() {
 }
 
 Text Examiner::After() {
-  if (!Can(RB_CAN_AFTER) || result_.claim == RB_CLAIM_NOTHING) return std::nullopt;
+  if (result_.claim == RB_CLAIM_NOTHING) return std::nullopt;
   for (size_t i : Hitting()) {
     const std::vector<rb_hit>& walk = WalkOf(i);
     if (walk.size() == MostHits()) return RayText(i) + ": `after` walks on and on";

@@ -40,7 +40,6 @@ Text Examiner::SameTreeOnThreads() {
 }
 
 Text Examiner::Rebuilt(How how, const char* what) {
-  if (!Can(RB_DETERMINISTIC)) return std::nullopt;
   const Tree other = Build(how);
   if (DigestOf(tree_) != DigestOf(other)) return fmt::format("{}, it shows other nodes", what);
   for (uint32_t kind : {RB_CLOSEST, RB_ANY}) {
@@ -54,7 +53,6 @@ Text Examiner::Rebuilt(How how, const char* what) {
 }
 
 Text Examiner::FewerNeeds() {
-  if (!Can(RB_DETERMINISTIC)) return std::nullopt;
   const Tree other = Build({.needs = RB_NEED_ANY});
   for (uint32_t kind : {RB_CLOSEST, RB_ANY}) {
     const Question q = All(kind);

@@ -1,6 +1,7 @@
 // The fuzzer: what it makes, finds, shrinks and replays; and our own structures before it.
 #include "harness/fuzz/fuzz.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -10,6 +11,8 @@
 #include <set>
 
 #include "accel/contract/valid_ray.h"
+#include "datasets/scene/text.h"
+#include "harness/fuzz/isolate.h"
 #include "harness/fuzz/lattice.h"
 #include "harness/fuzz/shrink.h"
 #include "harness/truth/oracle.h"
@@ -153,6 +156,31 @@ TEST(Fuzz, OurStructuresKeepEveryPromiseInAFewCases) {
   uint64_t cases = 0;
   for (const FuzzedStructure& s : result.structures) cases += s.cases;
   EXPECT_EQ(cases, options.cases);
+}
+
+TEST(FuzzExamine, AsksOnlyForWhatAStructureCanDo) {
+  const Registry registry;
+  Case c = GenerateCase(Mode::kExact, 1, 0);
+  const auto looked_at = [&](const char* structure) {
+    c.structure = structure;
+    // In a child: it starts threads, and who has threads cannot fork.
+    std::string names;
+    RunIsolated(
+        {}, [&] { return fmt::format("{}", fmt::join(Examine(registry, c).looked_at, "\n")); }, names);
+    std::set<std::string> set;
+    Lines lines(names);
+    for (std::string_view line; lines.Next(line);) set.emplace(line);
+    return set;
+  };
+  const std::set<std::string> all = looked_at("bvh_sah");
+  for (const char* check : {"after", "skip", "counted", "rebuilt", "closest", "brute"})
+    EXPECT_TRUE(all.contains(check)) << check;
+  // It claims nothing.
+  EXPECT_FALSE(looked_at("null").contains("closest"));
+  for (const rb_structure* s : registry.structures()) {
+    EXPECT_EQ(looked_at(s->name).contains("after"), (s->capabilities & RB_CAN_AFTER) != 0) << s->name;
+    EXPECT_EQ(looked_at(s->name).contains("counted"), (s->capabilities & RB_CAN_COUNT) != 0) << s->name;
+  }
 }
 
 TEST(Fuzz, WhatOnceFailedIsMended) {
