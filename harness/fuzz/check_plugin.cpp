@@ -142,9 +142,11 @@ int RunCheckPlugin(const CheckPluginOptions& options) {
   fuzz.plugins = {options.plugin};
   fuzz.seconds = options.seconds * double(fuzz.structures.size());
   fuzz.seed = options.seed, fuzz.jobs = options.jobs, fuzz.out = options.out, fuzz.scenes = true;
+  FindingFiles files(options.out);
+  if (!options.out.empty()) fuzz.on_found = [&](FoundFault& fault) { files.Write(fault); };
   FuzzResult result = Fuzz(registry, fuzz);
   if (!options.out.empty()) {
-    WriteFindings(fuzz, result);
+    WriteFindings(fuzz, files, result);
     WriteFileAtomically(fs::path(options.out) / "junit.xml", JUnit(result));
   }
   for (const FuzzedStructure& s : result.structures)

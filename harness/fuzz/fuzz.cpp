@@ -220,6 +220,10 @@ class Campaign {
     FoundFault fault;
     fault.structure = spec, fault.check = finding.check, fault.text = finding.text;
     fault.index = index, fault.seconds = SecondsNow() - start_, fault.cases = CasesSoFar();
+    fault.smallest = CaseInParent(index);
+    fault.smallest.check = fault.check;
+    fault.primitives_before = fault.smallest.primitives(), fault.rays_before = fault.smallest.rays.size();
+    if (options_.on_found) options_.on_found(fault);
     result_.faults.push_back(std::move(fault));
   }
 
@@ -258,9 +262,6 @@ class Campaign {
                      });
     std::map<std::string, size_t> shrunk;
     for (FoundFault& fault : result_.faults) {
-      fault.smallest = CaseInParent(fault.index);
-      fault.smallest.check = fault.check;
-      fault.primitives_before = fault.smallest.primitives(), fault.rays_before = fault.smallest.rays.size();
       if (shrunk[fault.structure]++ >= kShrunkKinds || Interrupted()) continue;
       if (!options_.quiet)
         progress.UpdateLeft(kShrinkSeconds, fmt::format("shrinking {}: {}", fault.structure, fault.check));

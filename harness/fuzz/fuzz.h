@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -11,6 +12,8 @@
 #include "harness/fuzz/generate.h"
 
 namespace raybench::fuzz {
+
+struct FoundFault;
 
 struct FuzzOptions {
   std::vector<std::string> structures;  ///< names, or specifications whose parameters stay; empty: all
@@ -24,6 +27,8 @@ struct FuzzOptions {
   uint64_t findings = 0;  ///< stop at so many; 0: go on
   bool shrink = true, quiet = false;
   bool scenes = false;  ///< first of all the standard cases (generate.h)
+  /// Told of a fault as soon as it is found, when `smallest` is the case as it was found. May be empty.
+  std::function<void(FoundFault&)> on_found;
 };
 
 /// A promise that one structure broke.

@@ -20,6 +20,13 @@ struct LatticeHit {
   uint32_t prim;
 
   double t() const { return double(num) / double(den); }
+  /// What a float test's t may be off: it divides the sum of the edge functions times distances along an axis,
+  /// at most 3 kLattice each, by the sum of the edge functions times the direction's length along it, at most
+  /// kLattice. Three edge functions err by less than 2^-11 each; the rest is rounding of the quotient.
+  double FloatError() const {
+    constexpr double kSum = 3 * 0x1p-11;
+    return kLattice * (3 + t()) * kSum / double(den) + 0x1p-20 * t();
+  }
   bool IsAt(const LatticeHit& other) const { return num * other.den == other.num * den; }
 };
 

@@ -94,7 +94,7 @@ Text Examiner::LatticeAnswer(const std::vector<LatticeHit>& hits, const rb_hit& 
     return Describe(answer) + ", but there is no hit";
   }
   for (const LatticeHit& h : hits)
-    if (h.IsAt(hits[0]) && h.prim == answer.prim && std::fabs(answer.t - h.t()) <= 1e-5 * h.t())
+    if (h.IsAt(hits[0]) && h.prim == answer.prim && std::fabs(answer.t - h.t()) <= h.FloatError())
       return std::nullopt;
   return fmt::format("{}, but primitive {} is hit at t {}/{}", Describe(answer), hits[0].prim, hits[0].num,
                      hits[0].den);

@@ -7,7 +7,6 @@
 
 #include "accel/base/files.h"
 #include "harness/base/json.h"
-#include "harness/plan/plan.h"
 
 namespace raybench::fuzz {
 namespace fs = std::filesystem;
@@ -19,6 +18,12 @@ std::string Plugins(const FuzzOptions& options) {
   return text;
 }
 
+void MakeFolder(const fs::path& folder) {
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) throw InputError(fmt::format("{}: cannot be made: {}", folder.string(), error.message()));
+}
+
 }  // namespace
 
 std::string SizeOf(const Case& c) {
@@ -26,21 +31,22 @@ std::string SizeOf(const Case& c) {
                      c.rays.size(), c.rays.size() == 1 ? "" : "s");
 }
 
-void WriteFindings(const FuzzOptions& options, FuzzResult& result) {
-  std::error_code error;
-  fs::create_directories(options.out, error);
-  if (error) throw InputError(fmt::format("{}: cannot be made: {}", options.out, error.message()));
-  DistinctNames names;
+void FindingFiles::Write(FoundFault& fault) {
+  MakeFolder(folder_);
+  if (fault.file.empty())
+    fault.file = (folder_ / (names_(FileStem(fault.structure + "-" + fault.check)) + ".case")).string();
+  WriteFileAtomically(fault.file, Format(fault.smallest, fault.text));
+}
+
+void WriteFindings(const FuzzOptions& options, FindingFiles& files, FuzzResult& result) {
+  MakeFolder(options.out);
   Json list = Json::array();
   for (FoundFault& fault : result.faults) {
-    const fs::path file =
-        fs::path(options.out) / (names(FileStem(fault.structure + "-" + fault.check)) + ".case");
-    fault.file = file.string();
-    WriteFileAtomically(file, Format(fault.smallest, fault.text));
+    files.Write(fault);
     list.push_back({{"structure", fault.structure},
                     {"check", fault.check},
                     {"what", fault.text},
-                    {"file", file.filename().string()},
+                    {"file", fs::path(fault.file).filename().string()},
                     {"case_index", fault.index},
                     {"found_after_s", fault.seconds},
                     {"found_after_cases", fault.cases},
@@ -62,9 +68,11 @@ void WriteFindings(const FuzzOptions& options, FuzzResult& result) {
                                                                  {"findings", list}}));
 }
 
-int RunFuzz(const Registry& registry, const FuzzOptions& options) {
+int RunFuzz(const Registry& registry, FuzzOptions options) {
+  FindingFiles files(options.out);
+  options.on_found = [&](FoundFault& fault) { files.Write(fault); };
   FuzzResult result = Fuzz(registry, options);
-  if (!result.faults.empty()) WriteFindings(options, result);
+  if (!result.faults.empty()) WriteFindings(options, files, result);
   uint64_t cases = 0, rays = 0, left_out = 0;
   fmt::print("{:<24} {:>9} {:>11} {:>9} {:>9}\n", "structure", "cases", "rays", "left out", "broken");
   for (const FuzzedStructure& s : result.structures) {

@@ -1,5 +1,6 @@
 // How much the fuzzer finds: plugins with one classic fault each, and their honest twins.
 #include <gtest/gtest.h>
+#include <sched.h>
 
 #include <algorithm>
 #include <filesystem>
@@ -28,6 +29,30 @@ std::string PathOf(const std::string& name) { return (fs::path(kBuiltSaboteurs) 
 bool NeedsMuch(const std::string& name) {
   static const std::set<std::string> names = {"stack_overflow", "race_in_counters", "shared_mailbox"};
   return names.contains(name);
+}
+
+/// While it lives, this process and its children run on one processor.
+class OneProcessor {
+ public:
+  OneProcessor() {
+    EXPECT_EQ(sched_getaffinity(0, sizeof before_, &before_), 0);
+    cpu_set_t one;
+    CPU_ZERO(&one);
+    for (int i = 0; i < CPU_SETSIZE && CPU_COUNT(&one) == 0; ++i)
+      if (CPU_ISSET(i, &before_)) CPU_SET(i, &one);
+    EXPECT_EQ(sched_setaffinity(0, sizeof one, &one), 0);
+  }
+  ~OneProcessor() { sched_setaffinity(0, sizeof before_, &before_); }
+  OneProcessor(const OneProcessor&) = delete;
+
+ private:
+  cpu_set_t before_;
+};
+
+std::string TextOf(const std::vector<Finding>& findings) {
+  std::string text;
+  for (const Finding& f : findings) text += f.check + ": " + f.text + "\n";
+  return text;
 }
 
 class Saboteur : public ::testing::TestWithParam<std::string> {};
@@ -62,6 +87,8 @@ TEST_P(Saboteur, IsFoundAndShrunk) {
   const std::vector<Finding> findings = ExamineIsolated(registry, again);
   EXPECT_TRUE(std::ranges::any_of(findings, [&](const Finding& f) { return f.check == fault.check; }))
       << Format(again);
+  const OneProcessor only;
+  EXPECT_EQ(TextOf(ExamineIsolated(registry, again)), TextOf(findings));
 }
 
 INSTANTIATE_TEST_SUITE_P(Fuzz, Saboteur, ::testing::ValuesIn(Plugins()),

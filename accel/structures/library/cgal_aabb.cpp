@@ -144,9 +144,13 @@ class KernelTree {
       return self.tree_.traits().do_intersect_object()(ray, node.bbox());
     }
     void intersection(const Ray& ray, const Primitive& primitive) const {
-      const auto met = K().intersect_3_object()(ray, primitive.datum());
-      if (!met) return;
-      if (const Point* at = AsPoint(*met)) self.Take(q, *at, primitive.id(), best);
+      try {
+        const auto met = K().intersect_3_object()(ray, primitive.datum());
+        if (!met) return;
+        if (const Point* at = AsPoint(*met)) self.Take(q, *at, primitive.id(), best);
+      } catch (const CGAL::Failure_exception&) {
+        // A triangle that float makes of no area is not hit; what the ray meets besides counts.
+      }
     }
   };
 
@@ -263,7 +267,7 @@ class CgalAabb {
                           [&](const RayQuery& scaled) { tree.template Trace<any.value>(scaled, best); });
           }
         } catch (const CGAL::Failure_exception&) {
-          // A ray or triangle that float makes of no length.
+          // A ray that float makes of no length.
           best = {q.ray.tfar, 0, 0, RAYBENCH_NONE};
         }
       });
