@@ -55,7 +55,7 @@ inline void Bvh2::Trace(const RayState<Test>& ray, rb_hit& best, Counter& counte
   int top = 0;
   uint32_t ref = root_;
   if (ref == kEmpty) return;
-  const NodeTest test(ray.slab);
+  const NodeTest test(clipped_ ? ray.SlabOfParts() : ray.slab);
   const float tnear = ray.query.ray.tnear;
   Float4 limits{tnear, tnear, -best.t, -best.t};
   for (;;) {

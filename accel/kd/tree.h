@@ -131,11 +131,11 @@ inline void KdTree::Trace(const RayState<Test>& ray, rb_hit& best, Counter& coun
     float org, inv_near, inv_far;
     uint32_t negative;
   } axes[3];
-  for (int a = 0; a < 3; ++a)
-    axes[a] = {ray.slab.org[a], ray.slab.inv_near[a], ray.slab.inv_far[a], ray.slab.negative[a]};
+  const SlabRay slab = ray.SlabOfParts();
+  for (int a = 0; a < 3; ++a) axes[a] = {slab.org[a], slab.inv_near[a], slab.inv_far[a], slab.negative[a]};
 
   float tnear, tfar;
-  ray.slab.Interval(cell_, tnear, tfar);
+  slab.Interval(cell_, tnear, tfar);
   counter.Bounds(1);
   tnear = std::max(tnear, ray.query.ray.tnear), tfar = std::min(tfar, best.t);
   if (!(tnear <= tfar)) return;

@@ -19,6 +19,11 @@
 // the interval of every box around the primitive holds the exact t and its rounding. A near end below zero
 // moves up, but stays below zero, where it decides nothing.
 //
+// Where boxes hold only a part of a primitive, clipped to a cell or found to lie in it, t is clamped into the interval
+// of the whole primitive's box, not of the part's, and the test's t may come before the part's near plane by its own
+// error. So there, too, traversal scales both ends (Widened()); what the clamp uses stays as it is, so that all
+// structures give the same t.
+//
 // Subnormal numbers: a difference of floats does not underflow; where t does, it is rounded as the interval's
 // ends are, and rounding is monotone; where 1/d does, it keeps enough bits for the scaling above; where 1/d
 // overflows, the near end is taken with the largest float, hence too early, and the far one is infinite.
@@ -69,13 +74,15 @@ inline Bounds3 PaddedPrimBounds(const rb_geometry& g, uint32_t prim) {
 
 /// What a ray brings to slab tests, with its ends scaled as above.
 struct SlabRay {
+  static constexpr float kNearScale = 1 - 0x1p-19f;
+
   Vec3f org;
   Vec3f inv_near, inv_far;  ///< 1/d; the near one stays finite
   bool negative[3];         ///< sign bit of d: the upper plane is met first
 
   SlabRay(const rb_ray& ray, Slack slack) : org(LoadVec3(ray.org)) {
     constexpr float kMax = std::numeric_limits<float>::max();
-    const float near_scale = slack == Slack::kBothEnds ? 1 - 0x1p-19f : 1;
+    const float near_scale = slack == Slack::kBothEnds ? kNearScale : 1;
     const float far_scale = slack == Slack::kNone ? 1 : 1 + 0x1p-19f;
     for (int a = 0; a < 3; ++a) {
       const float inv = 1 / ray.dir[a];
@@ -83,6 +90,13 @@ struct SlabRay {
       inv_near[a] = (std::fabs(inv) <= kMax ? inv : std::copysign(kMax, inv)) * near_scale;
       inv_far[a] = inv * far_scale;
     }
+  }
+
+  /// For boxes of parts of primitives, where `slack` is that of this: none, or at both ends.
+  SlabRay Widened(Slack slack) const {
+    SlabRay wide = *this;
+    if (slack == Slack::kFarEnd) wide.inv_near = inv_near * kNearScale;
+    return wide;
   }
 
   /// The t interval inside the box; `tnear > tfar` if there is none.

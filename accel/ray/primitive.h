@@ -23,6 +23,9 @@ struct RayState {
 
   explicit RayState(const RayQuery& q) : query(q), slab(q.ray, Test::kSlack), test(q.ray) {}
 
+  /// What traversal asks where boxes hold parts of primitives (ray/bounds.h).
+  SlabRay SlabOfParts() const { return slab.Widened(Test::kSlack); }
+
   /// Takes triangle `prim` into `best` if it is hit and comes before it.
   bool Triangle(Vec3f p0, Vec3f p1, Vec3f p2, uint32_t prim, rb_hit& best) const {
     PrimHit hit;

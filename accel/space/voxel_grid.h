@@ -161,7 +161,7 @@ class VoxelGrid {
   int VisitLevel(const Level& level, uint32_t depth, Fn& node, std::vector<uint32_t>& prims) const;
 
   rb_geometry geometry_{};
-  bool exact_ = false;  ///< insertion by overlap
+  bool exact_ = false;         ///< insertion by overlap
   std::vector<Level> levels_;  // the outermost first
   HugeArray<Tile> tiles_;
   HugeArray<Cell> cells_;
@@ -173,7 +173,7 @@ template <class Test, class Counter, bool kProcedural, bool kAnyHit, class Box>
 class VoxelGrid::Walker {
  public:
   Walker(const VoxelGrid& grid, const RayQuery& q, rb_hit& best, Counter& counter)
-      : grid_(grid), ray_(q), best_(best), counter_(counter) {
+      : grid_(grid), ray_(q), slab_(ray_.SlabOfParts()), best_(best), counter_(counter) {
     for (int a = 0; a < 3; ++a) org_[a] = q.ray.org[a], dir_[a] = q.ray.dir[a], inv_[a] = 1 / dir_[a];
   }
 
@@ -233,7 +233,7 @@ class VoxelGrid::Walker {
   /// Whether the ray's interval, up to the best hit, meets the box; and where: not beyond the largest float.
   bool Meets(const Bounds3& box, float& tnear, float& tfar) {
     counter_.Bounds(1);
-    ray_.slab.Interval(box, tnear, tfar);
+    slab_.Interval(box, tnear, tfar);
     tnear = std::max(tnear, ray_.query.ray.tnear), tfar = std::min(tfar, best_.t);
     return tnear <= tfar && tnear <= std::numeric_limits<float>::max();
   }
@@ -288,6 +288,7 @@ class VoxelGrid::Walker {
 
   const VoxelGrid& grid_;
   const RayState<Test> ray_;
+  const SlabRay slab_;
   rb_hit& best_;
   Counter& counter_;
   Box mailbox_;

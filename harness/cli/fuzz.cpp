@@ -33,7 +33,8 @@ std::string ListOfChecks() {
 constexpr const char* kFooter = R"help(
 Who is asked: all, every structure; claims, trees that claim watertight or exact; own, structures of raybench itself that
 use its tests. A structure that claims inexact is held to the contract alone.
-A crash, a hang of 20 s and 2 GiB of memory are findings, too: each case runs in a child process.
+A crash, a hang of 20 s (longer where the processor is busy) and 2 GiB of memory are findings, too: each case runs in a
+child process.
 
 Examples:
   raybench fuzz                                        every structure, a minute
@@ -108,6 +109,8 @@ void AddReplayOptions(CLI::App& command, fuzz::ReplayOptions& options) {
   command.add_option("--structure", options.structure, "Examine this one on the cases instead of theirs")
       ->type_name("A(X=1)");
   command.add_flag("--brief", options.brief, "A line each, and what broke");
+  command.add_option("--shrink", options.shrunk, "Folder for smaller cases that break the same promises")
+      ->type_name("DIR");
   command.footer("\nExit codes: 0 every promise held; 1 one was broken; 2 wrong input.");
 }
 

@@ -28,7 +28,7 @@ struct Promise {
 std::vector<Promise> PromisesOf(const FuzzResult& result, const FuzzedStructure& structure) {
   std::vector<Promise> promises;
   for (size_t i = 0; i < Checks().size(); ++i) {
-    Promise& p = promises.emplace_back(&Checks()[i], structure.looked_at[i]);
+    Promise& p = promises.emplace_back(Promise{&Checks()[i], structure.looked_at[i]});
     for (const FoundFault& fault : result.faults)
       if (fault.structure == structure.name && fault.check == p.info->name) p.fault = &fault;
     // raybench's own numerics are nobody else's promise.

@@ -105,7 +105,8 @@ class Campaign {
     }
     for (size_t i = 0; i < specs_.size(); ++i) {
       const Count& c = (*counts_)[i];
-      FuzzedStructure& s = result_.structures.emplace_back(specs_[i], c.cases, c.left_out, c.rays);
+      FuzzedStructure& s =
+          result_.structures.emplace_back(FuzzedStructure{specs_[i], c.cases, c.left_out, c.rays, {}});
       for (size_t k = 0; k < Checks().size(); ++k) s.looked_at.push_back(LookedAt(i, k));
     }
     result_.interrupted = Interrupted();
@@ -156,7 +157,7 @@ class Campaign {
   void Start(Worker& worker, size_t slot) {
     worker.slot = slot;
     worker.text.clear();
-    StageOf(slot).since = SecondsNow();
+    StageOf(slot).since = SecondsNow(), StageOf(slot).processor = 0;
     worker.child =
         std::make_unique<Child>(Limits{kHang, 2048, true}, [this, slot](int out) { Work(slot, out); });
   }
@@ -167,7 +168,8 @@ class Campaign {
     for (uint64_t n = 0; n < kCasesOfChild && !(*stop_)[0]; ++n) {
       const uint64_t index = (*next_)[0].fetch_add(1);
       if (IsLast(index)) return;
-      stage.index = index, stage.since = SecondsNow(), stage.check = "generating";
+      stage.index = index, stage.since = SecondsNow(), stage.processor = ProcessorSeconds();
+      stage.check = "generating";
       const Case c = CaseOf(index);
       Count& count = (*counts_)[index % specs_.size()];
       const Examination e = Examine(registry_, c, [&](const char* check) { stage.check = check; });
@@ -197,7 +199,8 @@ class Campaign {
     const bool open = worker.child->Read(worker.text);
     for (const Message& message : TakeLines(worker.text)) Note(message.index, message.finding);
     if (open) {
-      const bool hangs = SecondsNow() - stage.since > kHang;
+      const bool hangs =
+          IsHung(SecondsNow() - stage.since, worker.child->ProcessorSeconds() - stage.processor, kHang);
       if (hangs) Note(stage.index, Ended(stage.check, fmt::format("does not end within {} s", kHang)));
       // A case in work when the time is up is given a moment.
       if (!hangs && !((*stop_)[0] && SecondsNow() - stage.since > 1)) return true;
@@ -265,27 +268,8 @@ class Campaign {
       if (shrunk[fault.structure]++ >= kShrunkKinds || Interrupted()) continue;
       if (!options_.quiet)
         progress.UpdateLeft(kShrinkSeconds, fmt::format("shrinking {}: {}", fault.structure, fault.check));
-      ShrinkOne(fault);
+      ShrinkFault(registry_, fault, options_.shrink);
     }
-  }
-
-  void ShrinkOne(FoundFault& fault) {
-    // Alone in a new process it may be another matter; what depends on chance gets a few tries.
-    std::string text;
-    const auto fails = [&](const Case& c) {
-      if (!std::all_of(c.rays.begin(), c.rays.end(), IsValidRay)) return false;
-      for (const Finding& f : ExamineIsolated(registry_, c, kShrinkHang))
-        if (f.check == fault.check) return text = f.text, true;
-      return false;
-    };
-    for (int tries = 0; tries < 20 && !fault.repeats; ++tries) fault.repeats = fails(fault.smallest);
-    if (!fault.repeats) return;
-    fault.text = text;
-    if (!options_.shrink) return;
-    const double end = SecondsNow() + kShrinkSeconds;
-    Shrunk shrunk = Shrink(fault.smallest, fails, [end] { return SecondsNow() > end || Interrupted(); });
-    fault.smallest = std::move(shrunk.smallest), fault.tries = shrunk.tries;
-    if (fails(fault.smallest)) fault.text = text;
   }
 
   const Registry& registry_;
@@ -305,6 +289,25 @@ class Campaign {
 };
 
 }  // namespace
+
+void ShrinkFault(const Registry& registry, FoundFault& fault, bool shrink) {
+  // Alone in a new process it may be another matter; what depends on chance gets a few tries.
+  std::string text;
+  const auto fails = [&](const Case& c) {
+    if (!std::all_of(c.rays.begin(), c.rays.end(), IsValidRay)) return false;
+    for (const Finding& f : ExamineIsolated(registry, c, kShrinkHang))
+      if (f.check == fault.check) return text = f.text, true;
+    return false;
+  };
+  for (int tries = 0; tries < 20 && !fault.repeats; ++tries) fault.repeats = fails(fault.smallest);
+  if (!fault.repeats) return;
+  fault.text = text;
+  if (!shrink) return;
+  const double end = SecondsNow() + kShrinkSeconds;
+  Shrunk shrunk = Shrink(fault.smallest, fails, [end] { return SecondsNow() > end || Interrupted(); });
+  fault.smallest = std::move(shrunk.smallest), fault.tries = shrunk.tries;
+  if (fails(fault.smallest)) fault.text = text;
+}
 
 FuzzResult Fuzz(const Registry& registry, const FuzzOptions& options) {
   return Campaign(registry, options).Go();

@@ -63,6 +63,10 @@ struct FuzzResult {
 /// alone, how many on time. Must be called while the process has one thread.
 FuzzResult Fuzz(const Registry& registry, const FuzzOptions& options);
 
+/// Looks whether `smallest` breaks fault.check in a new process (`repeats`), and if so and `shrink`, makes it as
+/// small as 20 s allow. Must be called while the process has one thread.
+void ShrinkFault(const Registry& registry, FoundFault& fault, bool shrink);
+
 /// Examines the case in a child. Findings as Examine() has them; a crash is one of the check at work.
 std::vector<Finding> ExamineIsolated(const Registry& registry, const Case& c, double seconds = 20,
                                      std::string* left_out = nullptr);

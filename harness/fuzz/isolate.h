@@ -12,11 +12,18 @@ namespace raybench::fuzz {
 struct Stage {
   std::atomic<uint64_t> index{0};      ///< of the case
   std::atomic<double> since{0};        ///< SecondsNow() when it began
+  std::atomic<double> processor{0};    ///< ProcessorSeconds() when it began
   std::atomic<const char*> check{""};  ///< text that lives as long as the program
 };
 
 /// Of a steady clock, the same in parent and child.
 double SecondsNow();
+/// Processor time of this process so far.
+double ProcessorSeconds();
+
+/// Whether what has taken so long is not going to end: it has computed for half of `limit`, or it waits. On a
+/// machine with other work a process that gets little of the processor is given six times as long.
+bool IsHung(double seconds, double processor_seconds, double limit);
 
 /// Memory shared with children that are forked later, for `count` objects made with T(). Lives as long as the
 /// object.
@@ -68,12 +75,14 @@ class Child {
   /// Waits for its end; how it ended in words, empty if well.
   std::string Wait();
   void Kill();
+  /// Processor time so far; 0 when it has ended.
+  double ProcessorSeconds() const;
 
  private:
   int pid_ = -1, out_ = -1;
 };
 
-/// Runs `work` in a child of its own until it ends or its time is over. `output`: what it returned. The
+/// Runs `work` in a child of its own until it ends or is hung. `output`: what it returned. The
 /// result says how it ended otherwise, such as "is killed by SIGSEGV", "does not end within 20 s"; empty: it
 /// ended well.
 std::string RunIsolated(const Limits& limits, const std::function<std::string()>& work, std::string& output);

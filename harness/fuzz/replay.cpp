@@ -8,6 +8,7 @@
 #include "harness/fuzz/asking.h"
 #include "harness/fuzz/fuzz.h"
 #include "harness/fuzz/isolate.h"
+#include "harness/fuzz/report.h"
 #include "harness/judge/claim.h"
 #include "harness/plan/build_options.h"
 #include "harness/truth/oracle.h"
@@ -73,11 +74,23 @@ std::string ShowRays(const Registry& registry, const Case& c) {
   return text;
 }
 
+void ShowShrunk(const Registry& registry, const Case& c, const Finding& finding, FindingFiles& files) {
+  FoundFault fault;
+  fault.structure = c.structure.substr(0, c.structure.find('('));
+  fault.check = finding.check, fault.text = finding.text, fault.smallest = c;
+  fault.smallest.check = finding.check;
+  ShrinkFault(registry, fault, true);
+  if (!fault.repeats) return fmt::print("  {}: not seen again\n", finding.check);
+  files.Write(fault);
+  fmt::print("  {}: {}: {}\n", fault.file, SizeOf(fault.smallest), fault.text);
+}
+
 }  // namespace
 
 int RunReplay(const Registry& registry, const ReplayOptions& options) {
   bool broken = false;
   const std::vector<std::string> files = CaseFiles(options.files);
+  FindingFiles files_of_shrunk(options.shrunk);
   for (const std::string& file : files) {
     Case c = ReadCase(file);
     if (!options.structure.empty()) c.structure = options.structure;
@@ -94,6 +107,8 @@ int RunReplay(const Registry& registry, const ReplayOptions& options) {
                                    : "every promise held");
     for (const Finding& f : findings)
       fmt::print("  {}{}: {}\n", f.check, f.check == looked_for ? " (as the file says)" : "", f.text);
+    if (!options.shrunk.empty())
+      for (const Finding& f : findings) ShowShrunk(registry, c, f, files_of_shrunk);
     if (options.brief) continue;
     std::string shown;
     const std::string how = RunIsolated(

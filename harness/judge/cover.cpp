@@ -1,5 +1,6 @@
 #include "harness/judge/cover.h"
 
+#include <algorithm>
 #include <cmath>
 #include <vector>
 
@@ -14,8 +15,9 @@ class Cover {
 
   bool Covers(const std::vector<const Bounds3*>& boxes, Polygon rest) const {
     if (Negligible(rest)) return true;
-    if (boxes.empty()) return false;
-    const Bounds3& box = *boxes[boxes.size() / 2];
+    const Bounds3* const chosen = AmongThem(boxes, rest);
+    if (chosen == nullptr) return false;
+    const Bounds3& box = *chosen;
     // What of `rest` lies beyond one face after the other; the remainder is inside.
     for (int face = 0; face < 6; ++face) {
       const int axis = face / 2;
@@ -41,7 +43,7 @@ class Cover {
     return true;
   }
 
-  /// The boxes, but for `without`, whose bounds meet those of the polygon.
+  /// The boxes, but for `without`, whose bounds meet those of the polygon, and its plane.
   std::vector<const Bounds3*> Meeting(const std::vector<const Bounds3*>& boxes, const Polygon& polygon,
                                       const Bounds3* without) const {
     Vec3d lo = polygon[0], hi = lo;
@@ -49,26 +51,61 @@ class Cover {
       lo = Min(lo, p);
       hi = Max(hi, p);
     }
+    const Vec3d normal = Area(polygon);
+    const double extent = Length(hi - lo);
     std::vector<const Bounds3*> meeting;
     for (const Bounds3* box : boxes) {
       bool meets = box != without;
-      for (int k = 0; k < 3; ++k) meets = meets && box->lo[k] <= hi[k] + eps_ && box->hi[k] >= lo[k] - eps_;
+      // The polygon's plane against the part of the box within the bounds; a sliver's normal is known only to
+      // within the rounding of its products.
+      double distance = 0, reach = 0x1p-46 * extent * extent * extent;
+      for (int k = 0; k < 3 && meets; ++k) {
+        const double from = std::max(double(box->lo[k]), lo[k]) - eps_,
+                     to = std::min(double(box->hi[k]), hi[k]) + eps_;
+        meets = box->lo[k] <= hi[k] + eps_ && box->hi[k] >= lo[k] - eps_;
+        distance += normal[k] * (0.5 * (from + to) - polygon[0][k]);
+        reach += std::fabs(normal[k]) * (0.5 * (to - from) + 2 * eps_);
+      }
+      meets = meets && std::fabs(distance) <= reach;
       if (meets) meeting.push_back(box);
     }
     return meeting;
   }
 
  private:
+  /// A box in which some of the polygon may lie, in the middle of the list if possible, so that what is left falls
+  /// into halves. Those that the polygon passes by would only make the recursion deep.
+  const Bounds3* AmongThem(const std::vector<const Bounds3*>& boxes, const Polygon& polygon) const {
+    const size_t n = boxes.size(), middle = n / 2;
+    for (size_t i = 0; i < n; ++i) {
+      const size_t step = (i + 1) / 2, at = i % 2 == 0 ? middle + step : middle - step;
+      if (at < n && !IsBeside(*boxes[at], polygon)) return boxes[at];
+    }
+    return nullptr;
+  }
+  /// Whether all of the polygon lies beyond one of the box's faces: with an edge on it at most, not within it.
+  bool IsBeside(const Bounds3& box, const Polygon& polygon) const {
+    for (int k = 0; k < 3; ++k) {
+      double lo = polygon[0][k], hi = lo;
+      for (Vec3d p : polygon) lo = std::min(lo, p[k]), hi = std::max(hi, p[k]);
+      if (hi <= box.lo[k] + eps_ && lo < box.lo[k] - eps_) return true;
+      if (lo >= box.hi[k] - eps_ && hi > box.hi[k] + eps_) return true;
+    }
+    return false;
+  }
+  /// Twice the area, along the normal.
+  static Vec3d Area(const Polygon& polygon) {
+    Vec3d area{0, 0, 0};
+    for (size_t i = 1; i + 1 < polygon.size(); ++i)
+      area = area + Cross(polygon[i] - polygon[0], polygon[i + 1] - polygon[0]);
+    return area;
+  }
   /// Thinner than eps: twice the area over the length around it.
   bool Negligible(const Polygon& polygon) const {
-    Vec3d area{0, 0, 0};
     double around = 0;
-    for (size_t i = 0; i < polygon.size(); ++i) {
-      const Vec3d p = polygon[i] - polygon[0], q = polygon[(i + 1) % polygon.size()] - polygon[0];
-      area = area + Cross(p, q);
-      around += Length(q - p);
-    }
-    return Length(area) <= eps_ * around;
+    for (size_t i = 0; i < polygon.size(); ++i)
+      around += Length(polygon[(i + 1) % polygon.size()] - polygon[i]);
+    return Length(Area(polygon)) <= eps_ * around;
   }
 
   double eps_;

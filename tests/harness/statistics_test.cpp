@@ -236,6 +236,19 @@ TEST(HarnessTreeStatistics, SpheresAndKDopsHoldTheirTrianglesBelowToo) {
   EXPECT_EQ(hand.Read(mesh.Geometry())->unchecked_nodes, 1u);
 }
 
+// Found by the fuzzer: the recursion was as deep as boxes stand about a triangle that passes most of them by.
+TEST(HarnessCover, ManyCellsAboutADiagonalTriangle) {
+  const Vec3f p0{0, 0, 0}, p1{4000, 5, 0}, p2{4000, 5, 10};
+  std::vector<Bounds3> cells;
+  for (int z = 0; z < 10; ++z)
+    for (int y = 0; y < 5; ++y)
+      for (int x = 0; x < 4000; ++x)
+        cells.push_back({{float(x), float(y), float(z)}, {float(x + 1), float(y + 1), float(z + 1)}});
+  EXPECT_TRUE(BoxesCover(cells, p0, p1, p2));
+  cells.erase(cells.begin() + 2000 + 4000 * 2);  // x 2000, y 2, z 0: the triangle's plane crosses it
+  EXPECT_FALSE(BoxesCover(cells, p0, p1, p2));
+}
+
 TEST(HarnessCover, BoxesCoverATriangleWhateverTheirOrder) {
   const Vec3f p0{0.125f, 0.25f, 0.5f}, p1{7.5f, 1.25f, 3.25f}, p2{2.25f, 7.75f, 6.5f};
   // Cells of a grid of 8 x 8 x 8; those that the triangle does not reach are not needed, each other one is.

@@ -48,16 +48,19 @@ def row_of(raybench, plugin, seconds, folder):
     left = f"{shown(first)} | {first['primitives']} + {first['rays']}" if first else f"nothing in {limit} s | | | "
     if not stop:
         return f"| `{name}` | {left} | | | |"
-    run([raybench, "check-plugin", plugin, "--seconds", seconds, "--out", check])
-    found = findings_of(check)
-    right = shown(found[0]) if found else f"nothing in {seconds} s | | "
+    for limit in (seconds, 60):
+        run([raybench, "check-plugin", plugin, "--seconds", limit, "--out", check])
+        found = findings_of(check)
+        if found:
+            break
+    right = shown(found[0]) if found else f"nothing in {limit} s | | "
     return f"| `{name}` | {left} | {right} |"
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("build", type=Path, help="a build folder with raybench and the saboteurs")
-    parser.add_argument("--seconds", type=int, default=4, help="for check-plugin and the twins; default 4")
+    parser.add_argument("--seconds", type=int, default=4, help="for check-plugin, which gets 60 s where that is not enough, and for the twins; default 4")
     options = parser.parse_args()
     plugins = sorted((options.build / "tests/plugins/saboteurs").glob("*.so"))
     if not plugins:

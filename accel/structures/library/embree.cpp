@@ -3,8 +3,9 @@
 //
 // Triangles are one geometry, procedural primitives a user geometry. Vertex and index arrays are shared with
 // the scene, not copied. Input that makes a packaged Embree abort is kept away from it: invalid rays, and
-// such as start beyond 1.8e18, are answered here with a miss, directions shorter than 1e-18 or longer
-// than 1.8e18 are scaled; geometry is clean by contract. It cannot count, resume or skip. Embree orders hits
+// such as start beyond 1.8e18, are answered here with a miss, directions shorter than 1e-9 or longer
+// than 1.8e18 are scaled; geometry is clean by contract. Where there are two trees, one for triangles and one for the
+// others, the first hands its t to the second, which aborts if that is NaN: such a hit is filtered out. It cannot count, resume or skip. Embree orders hits
 // at equal t as it meets them; so ids at ties may differ from the lowest, which the verdict shows.
 //
 // Its answers are brought to the contract's interval (tnear, tfar]. The robust test takes the end tnear in,
@@ -189,9 +190,10 @@ class Embree {
     return ray;
   }
 
-  /// What Embree takes without an assertion (components up to its FLT_LARGE) and without answering t = NaN
-  /// (it takes no reciprocal of less than 1e-18).
-  static bool IsTaken(const rb_ray& ray) { return IsRayWithin(ray, kLongest, kLongest, 1e-18f); }
+  /// What Embree takes without an assertion (components up to its FLT_LARGE), and without t = NaN for triangles
+  /// that are not far smaller than the scene: its test multiplies the direction with their area, and the reciprocal
+  /// of a subnormal number is NaN by its Newton step. (In boxes it takes no reciprocal of less than 1e-18.)
+  static bool IsTaken(const rb_ray& ray) { return IsRayWithin(ray, kLongest, kLongest, 1e-9f); }
 
   /// The others: what is valid, with a direction of length about 1, if Embree takes that; else a miss.
   template <class Trace>
@@ -229,6 +231,11 @@ class Embree {
                                geometry_.vertex_count);
     rtcSetSharedGeometryBuffer(g, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, geometry_.triangles, 0, 12,
                                geometry_.triangle_count);
+    if (geometry_.procedural_count > 0) {
+      rtcSetGeometryIntersectFilterFunction(g, [](const RTCFilterFunctionNArguments* args) {
+        if (std::isnan(RTCRayN_tfar(args->ray, args->N, 0))) args->valid[0] = 0;
+      });
+    }
     Attach(g, kTriangles);
   }
 

@@ -108,7 +108,7 @@ class Octree : public CenterStructure<Octree, OctreeNode> {
     static constexpr Int4 kHalf[8] = {{0, 0, 0, 0},  {-1, 0, 0, 0},  {0, -1, 0, 0},  {-1, -1, 0, 0},
                                       {0, 0, -1, 0}, {-1, 0, -1, 0}, {0, -1, -1, 0}, {-1, -1, -1, 0}};
     if (root_.count == CenterChild::kEmpty) return;
-    const SlabRay& slab = ray.slab;
+    const SlabRay slab = ray.SlabOfParts();
     const unsigned signs =
         unsigned(slab.negative[0]) | unsigned(slab.negative[1]) << 1 | unsigned(slab.negative[2]) << 2;
     const Float4 org{slab.org.x, slab.org.y, slab.org.z, 0};

@@ -121,7 +121,7 @@ class Quadtree : public CenterStructure<Quadtree, QuadtreeNode> {
   template <bool kProcedural, bool kAnyHit, class Test, class Counter>
   void Trace(const RayState<Test>& ray, rb_hit& best, Counter& counter) const {
     if (root_.count == CenterChild::kEmpty) return;
-    const SlabRay& slab = ray.slab;
+    const SlabRay slab = ray.SlabOfParts();
     const int x = axes_[0], y = axes_[1], z = axes_[2];
     const unsigned signs = unsigned(slab.negative[x]) | unsigned(slab.negative[y]) << 1;
     const LaneXor<4> in_order{int(signs)};

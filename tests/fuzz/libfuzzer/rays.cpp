@@ -3,6 +3,7 @@
 #include <cstring>
 
 #include "accel/base/hash.h"
+#include "accel/contract/valid_ray.h"
 #include "datasets/scene/scene.h"
 #include "tests/fuzz/libfuzzer/target.h"
 #include "tracer/rays/ray_file.h"

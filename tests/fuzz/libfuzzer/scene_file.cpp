@@ -2,6 +2,7 @@
 #include <cmath>
 #include <optional>
 
+#include "accel/contract/valid_ray.h"
 #include "accel/host/registry.h"
 #include "datasets/scene/scene.h"
 #include "tests/fuzz/libfuzzer/target.h"
