@@ -200,16 +200,22 @@ struct RayShear {
 };
 
 /// t of the ray in the triangle's plane, measured from the vertex that is nearest to the origin, and, since a
-/// ray that all but lies in the plane may meet it anywhere, not beyond the vertices. `otherwise` if the triangle
-/// has no plane.
+/// ray that all but lies in the plane may meet it anywhere, not beyond the vertices. The plane is spanned by the two
+/// shorter edges: between two that are far longer than the third the difference would be lost. `otherwise` if the
+/// triangle has no plane.
 [[gnu::noinline]] inline double PlaneT(const RayShear& ray, const Vec3d (&a)[3],
                                        const std::array<Vec3f, 3>& p, double otherwise) {
   const Vec3d org = ToDouble(ray.org),
               from[3] = {ToDouble(p[0]) - org, ToDouble(p[1]) - org, ToDouble(p[2]) - org};
-  const Vec3d normal = Cross(from[1] - from[0], from[2] - from[0]);
+  const Vec3d corner[3] = {ToDouble(p[0]), ToDouble(p[1]), ToDouble(p[2])},
+              edge[3] = {corner[2] - corner[1], corner[0] - corner[2], corner[1] - corner[0]};
+  const auto distance = [](Vec3d v) { return std::max({std::fabs(v.x), std::fabs(v.y), std::fabs(v.z)}); };
+  int longest = 0;
+  for (int k = 1; k < 3; ++k)
+    if (distance(edge[k]) > distance(edge[longest])) longest = k;
+  const Vec3d normal = Cross(edge[(longest + 1) % 3], edge[(longest + 2) % 3]);
   const double along = Dot(normal, ToDouble(ray.dir));
   if (along == 0) return otherwise;
-  const auto distance = [](Vec3d v) { return std::max({std::fabs(v.x), std::fabs(v.y), std::fabs(v.z)}); };
   int nearest = 0;
   for (int k = 1; k < 3; ++k)
     if (distance(from[k]) < distance(from[nearest])) nearest = k;
