@@ -37,19 +37,24 @@ struct RayState {
   bool Primitive(const rb_geometry& g, uint32_t prim, rb_hit& best) const {
     if (prim < g.triangle_count)
       return Triangle(Vertex(g, prim, 0), Vertex(g, prim, 1), Vertex(g, prim, 2), prim, best);
-    rb_ray ray = query.ray;
-    // The callback takes t > tnear; where a hit at t == tnear would count it must get through to Accepts(). Where
-    // it would not it must not hide what lies behind: a curved primitive is met twice.
-    if (query.after != RAYBENCH_NONE && prim > query.after) ray.tnear = std::nextafter(ray.tnear, -1.0f);
-    rb_hit found{};
-    if (g.procedural_intersect(g.procedural_user, prim - g.triangle_count, uint32_t(Test::kNumerics), &ray,
-                               &found) == 0) {
-      return false;
+    // The callback takes t > tnear; where a hit at t == tnear would count it must get through to Take(), and be it
+    // that it comes there only when its t is clamped. If it does not count, then it must not hide what lies behind: a
+    // curved primitive is met twice.
+    if (query.after != RAYBENCH_NONE && prim > query.after) {
+      rb_ray before = query.ray;
+      before.tnear = std::nextafter(before.tnear * (1 - 0x1p-20f), -1.0f);
+      if (Procedural(g, prim, before, best)) return true;
     }
-    return Take(PrimBounds(g, prim), {found.t, found.u, found.v}, prim, best);
+    return Procedural(g, prim, query.ray, best);
   }
 
  private:
+  bool Procedural(const rb_geometry& g, uint32_t prim, const rb_ray& ray, rb_hit& best) const {
+    rb_hit found{};
+    return g.procedural_intersect(g.procedural_user, prim - g.triangle_count, uint32_t(Test::kNumerics), &ray,
+                                  &found) != 0 &&
+           Take(PrimBounds(g, prim), {found.t, found.u, found.v}, prim, best);
+  }
   bool Take(const Bounds3& box, PrimHit hit, uint32_t prim, rb_hit& best) const {
     if constexpr (Test::kNumerics == Numerics::kExact) {
       // The interval holds for the exact t; but a ray that resumes at a hit goes on from its rounded t.

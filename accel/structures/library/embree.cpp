@@ -10,8 +10,8 @@
 //
 // Its answers are brought to the contract's interval (tnear, tfar]. The robust test takes the end tnear in,
 // so it is asked from the next float on, which is the same. Where products of subnormal numbers make t NaN
-// or put it outside, it is asked once more with a direction as long as it takes; what it cannot say then is
-// a miss.
+// or put it outside, it is asked once more with a direction as long as it takes. If it finds nothing then, its hit
+// stands, as any-hit queries see it, with the t of the triangle's plane.
 #include "accel/structures/library/embree.h"
 
 #include <fmt/format.h>
@@ -209,7 +209,7 @@ class Embree {
 
   /// After an answer whose t is NaN or lies outside the ray's interval; a miss at tfar is no such answer.
   template <class Trace>
-  static rb_hit AskAgain(const rb_ray& ray, const rb_hit& answer, const Trace& trace) {
+  rb_hit AskAgain(const rb_ray& ray, const rb_hit& answer, const Trace& trace) const {
     if (answer.prim == RAYBENCH_NONE) return answer;
     const FloatState ieee;
     constexpr float kMax = std::numeric_limits<float>::max();
@@ -222,7 +222,19 @@ class Embree {
     rb_hit hit = trace(longer);
     hit.t = std::ldexp(hit.t, e);
     const bool is_inside = hit.prim != RAYBENCH_NONE && hit.t > ray.tnear && hit.t <= ray.tfar;
-    return is_inside ? hit : rb_hit{ray.tfar, 0, 0, RAYBENCH_NONE};
+    return is_inside ? hit : OnPlane(ray, answer);
+  }
+  /// The hit with t divided in double, within the interval.
+  rb_hit OnPlane(const rb_ray& ray, rb_hit hit) const {
+    if (hit.prim >= geometry_.triangle_count) return {ray.tfar, 0, 0, RAYBENCH_NONE};
+    const auto corner = [&](int k) { return ToDouble(Vertex(geometry_, hit.prim, k)); };
+    const Vec3d p = corner(0), normal = Cross(corner(1) - p, corner(2) - p);
+    const double t = Dot(normal, p - ToDouble(LoadVec3(ray.org))) / Dot(normal, ToDouble(LoadVec3(ray.dir)));
+    const float from = std::nextafter(ray.tnear, kInfinity);
+    constexpr float kMax = std::numeric_limits<float>::max();
+    hit.t = std::min({std::isfinite(t) ? std::max(float(t), from) : from, ray.tfar, kMax});
+    hit.u = std::isfinite(hit.u) ? hit.u : 0, hit.v = std::isfinite(hit.v) ? hit.v : 0;
+    return hit;
   }
 
   void AttachTriangles() {
