@@ -117,6 +117,19 @@ bool SetFromText(std::byte* config, const rb_param& param, std::string_view text
   return false;
 }
 
+/// With blanks for line breaks and tabs: messages quote it, and are one line. Other control characters are refused.
+std::string PlainText(std::string_view text) {
+  std::string plain(text);
+  std::ranges::replace_if(
+      plain, [](unsigned char c) { return std::isspace(c) != 0; }, ' ');
+  const std::string allowed = plain;
+  std::ranges::replace_if(
+      plain, [](unsigned char c) { return std::iscntrl(c) != 0; }, '?');
+  if (plain != allowed)
+    throw InputError(fmt::format("'{}': control characters, shown as ?, are not allowed", plain));
+  return plain;
+}
+
 }  // namespace
 
 std::string DidYouMean(std::string_view typed, std::span<const std::string_view> known) {
@@ -133,7 +146,8 @@ std::string DidYouMean(std::string_view typed, std::span<const std::string_view>
 }
 
 Spec ParseSpec(std::string_view text) {
-  std::string_view whole = Trim(text);
+  const std::string plain = PlainText(text);
+  std::string_view whole = Trim(plain);
   Spec spec;
   size_t open = whole.find('(');
   spec.name = std::string(Trim(whole.substr(0, open)));
@@ -165,13 +179,14 @@ Spec ParseSpec(std::string_view text) {
   return spec;
 }
 
-std::vector<std::string> SplitSpecs(std::string_view list) {
+std::vector<std::string> SplitSpecs(std::string_view text) {
+  const std::string list = PlainText(text);
   std::vector<std::string> items;
   int depth = 0;
   size_t start = 0;
   for (size_t i = 0; i <= list.size(); ++i) {
     if (i == list.size() || (list[i] == ',' && depth == 0)) {
-      std::string_view item = Trim(list.substr(start, i - start));
+      std::string_view item = Trim(std::string_view(list).substr(start, i - start));
       if (item.empty()) throw InputError(fmt::format("'{}': an item of the list is empty", list));
       items.emplace_back(item);
       start = i + 1;

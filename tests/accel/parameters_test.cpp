@@ -134,6 +134,10 @@ TEST(Parameters, MalformedTextIsRefused) {
 TEST(Parameters, ListsSplitOutsideParentheses) {
   EXPECT_THAT(SplitSpecs("a, b(x=1,y=2),c"), ElementsAre("a", "b(x=1,y=2)", "c"));
   EXPECT_NE(ErrorOf([] { SplitSpecs("a,,b"); }), "no error");
+  EXPECT_THAT(SplitSpecs("a,\n\tb"), ElementsAre("a", "b"));
+  EXPECT_EQ(ErrorOf([] { SplitSpecs("a\x01,b"); }),
+            "'a?,b': control characters, shown as ?, are not allowed");
+  EXPECT_EQ(ErrorOf([] { ParseSpec("a\nb"); }), "'a b': expected NAME or NAME(key=value,...)");
 }
 
 TEST(Registry, KnowsEveryBuiltinOnceAndFindsByName) {
