@@ -19,8 +19,8 @@
 // double by that.
 //
 // A computed t may lie anywhere in the primitive's box (ray/primitive.h), in the corners that are cut off,
-// too. So the oblique slabs decide whether the ray passes the polytope, and the axes alone where it enters:
-// only that is compared with t.
+// too. So the oblique slabs decide whether the ray's line passes the polytope, and the axes alone where it enters:
+// only that is compared with t, and with tnear, where a ray goes on from a hit.
 #pragma once
 
 #include "accel/base/simd.h"
@@ -114,12 +114,12 @@ struct KdopBound {
     }
 
     bool Meets(const KdopBound& b, float tfar, float& entry) const {
-      float exit;
-      slab_.Interval({{b.lo[0], b.lo[1], b.lo[2]}, {b.hi[0], b.hi[1], b.hi[2]}}, entry, exit);
-      entry = std::max(entry, tnear_);
+      float enter, exit;
+      slab_.Interval({{b.lo[0], b.lo[1], b.lo[2]}, {b.hi[0], b.hi[1], b.hi[2]}}, enter, exit);
+      entry = std::max(enter, tnear_);
       if (!(entry <= std::min(exit, tfar))) return false;
       if constexpr (kVectors > 0) {
-        Double4 last_entry = Splat<Double4>(entry), first_exit = Splat<Double4>(exit);
+        Double4 last_entry = Splat<Double4>(enter), first_exit = Splat<Double4>(exit);
         for (int i = 0; i < kVectors; ++i) {
           const Vector& v = vectors_[i];
           const Double4 lo = __builtin_convertvector(Load<Float4>(b.lo + 3 + 4 * i), Double4),
