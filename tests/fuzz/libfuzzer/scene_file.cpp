@@ -63,7 +63,7 @@ std::optional<Scene> Load(const std::filesystem::path& path, bool drop_bad) {
   } catch (const InputError& error) {
     const std::string where = kIsMaterials ? path.parent_path().string() : path.string();
     DemandOneLine(error.what(), where);
-    Demand(std::string_view(error.what()).find("cannot be read: ") == std::string_view::npos,
+    Demand(!std::string_view(error.what()).starts_with(path.string() + ": cannot be read: "),
            fmt::format("an exception of a library came through: {}", error.what()));
     return std::nullopt;
   }
