@@ -43,6 +43,10 @@ std::vector<const rb_structure*> ChooseStructures(const Registry& registry, bool
 
 }  // namespace
 
+bool Owns(const RunOptions& options, size_t scene, size_t scenes, size_t structure, size_t structures) {
+  return (scene * structures + structure) * options.shards / (scenes * structures) + 1 == options.shard;
+}
+
 std::string WhyNotTaken(const rb_structure& structure, const Scene& scene) {
   if (scene.procedural_count() == 0 || (structure.capabilities & RB_CAN_PROCEDURAL) != 0) return {};
   return "the scene has procedural primitives and the structure takes triangles only";

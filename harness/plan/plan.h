@@ -41,6 +41,8 @@ struct RunOptions {
   /// `rays` 0 with `ray_files`: whole files.
   uint64_t rays = 0, verify_rays = 0, memory_limit = 0, seed = 1;
   uint32_t repetitions = 0, depth = 2;
+  uint32_t processes = 1;                    ///< one after the other, each takes all samples anew
+  uint32_t shard = 1, shards = 1;            ///< this one, from 1, of so many
   double budget = 0;                         ///< seconds of timing a case
   std::vector<std::string> benchmark_flags;  ///< "--benchmark_..." as given
   std::vector<std::string> command_line;
@@ -56,6 +58,10 @@ struct RunOptions {
 /// The model that runs when no scene is named, and the generators beside it.
 inline constexpr const char* kDefaultModel = "engine";
 inline constexpr const char* kDefaultGenerators[] = {"sphereflake", "stadium"};
+
+/// Whether this shard measures that structure on that scene: of all pairs, scene by scene, each shard has a run
+/// of the same length (but for one).
+bool Owns(const RunOptions& options, size_t scene, size_t scenes, size_t structure, size_t structures);
 
 /// Why the structure cannot be built over the scene, in words; empty if it can.
 std::string WhyNotTaken(const rb_structure& structure, const Scene& scene);

@@ -35,6 +35,8 @@ class ResultFolder {
   /// Stores a finished case. `values` gives columns of cases.csv beyond those of the key; those not given
   /// stay empty. A column of another table is a programming error (std::logic_error).
   void Store(const Case& key, const Row& values, std::span<const Sample> samples) const;
+  /// run.json as an earlier session left it; null if there is none.
+  Json PreviousRun() const;
   /// All finished cases in the order of the plan. Throws InputError naming a file that cannot be read.
   std::vector<FinishedCase> Cases() const;
   /// Derives samples.csv and cases.csv from the finished cases.

@@ -1,5 +1,7 @@
 #include "harness/results/run_facts.h"
 
+#include <fmt/format.h>
+
 #include "harness/measure/measure.h"
 
 namespace raybench {
@@ -52,6 +54,8 @@ Json FactsOf(const RunOptions& options) {
           {"verified_per_set", options.RaysVerified()},
           {"depth", options.depth},
           {"memory_limit", options.memory_limit},
+          {"processes", options.processes},
+          {"shard", options.shards == 1 ? Json() : Json(fmt::format("{}/{}", options.shard, options.shards))},
           {"plugins", options.plugins}};
 }
 
