@@ -29,6 +29,10 @@ namespace {
 constexpr std::string_view kFamilies[] = {"brute", "bvh_sah",    "embree", "grid",
                                           "kdop",  "kdtree_sah", "null",   "octree"};
 
+bool IsFamilies(const std::vector<std::string>& specs) {
+  return specs.empty() || (specs.size() == 1 && specs[0] == "families");
+}
+
 bool IsEvery(const std::vector<std::string>& specs) { return specs.size() == 1 && specs[0] == "all"; }
 
 std::vector<const rb_structure*> ChooseStructures(const Registry& registry, bool all) {
@@ -54,7 +58,7 @@ std::string WhyNotTaken(const rb_structure& structure, const Scene& scene) {
 
 std::vector<Contestant> ChooseContestants(const Registry& registry, const std::vector<std::string>& specs) {
   std::vector<Contestant> chosen;
-  if (!specs.empty() && !IsEvery(specs)) {
+  if (!IsFamilies(specs) && !IsEvery(specs)) {
     std::set<std::string> seen;
     for (const std::string& spec : specs) {
       chosen.push_back(ParseContestant(registry, spec));
@@ -78,7 +82,7 @@ std::vector<Contestant> ChooseContestants(const Registry& registry, const std::v
 }
 
 std::vector<Contestant> EveryArithmetic(const Registry& registry, const std::vector<std::string>& specs) {
-  if (!specs.empty() && !IsEvery(specs)) return ChooseContestants(registry, specs);
+  if (!IsFamilies(specs) && !IsEvery(specs)) return ChooseContestants(registry, specs);
   std::vector<Contestant> chosen;
   for (const rb_structure* s : ChooseStructures(registry, IsEvery(specs))) {
     if (std::string_view(s->name) == "null") continue;  // always misses

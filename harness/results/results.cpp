@@ -46,9 +46,8 @@ bool ResultFolder::IsTimed(const std::string& case_id) const {
 }
 
 void ResultFolder::Store(const Case& key, const Row& values, std::span<const Sample> samples) const {
-  const std::string id = key.Id();
   Row row;
-  row[column::case_id] = id;
+  row[column::case_id] = key.Id();
   row[column::scene] = key.scene;
   row[column::scene_hash] = key.scene_hash;
   row[column::primitives] = key.primitives;
@@ -64,13 +63,17 @@ void ResultFolder::Store(const Case& key, const Row& values, std::span<const Sam
   row[column::seed] = key.seed;
   row[column::machine] = MachineFingerprint();
   row.Take(values);
-  Json rows_of_samples = Json::array();
-  for (const Sample& s : samples) rows_of_samples.push_back(ToJson(s));
+  Store({key.plan_index, std::move(row), {samples.begin(), samples.end()}});
+}
+
+void ResultFolder::Store(const FinishedCase& finished) const {
+  Json samples = Json::array();
+  for (const Sample& s : finished.samples) samples.push_back(ToJson(s));
   const Json file = {{"format", kResultFormat},
-                     {"plan_index", key.plan_index},
-                     {"case", row.ToJson(kCasesColumns)},
-                     {"samples", rows_of_samples}};
-  WriteFileAtomically(path_ / "cases" / (id + ".json"), Dump(file));
+                     {"plan_index", finished.plan_index},
+                     {"case", finished.row.ToJson(kCasesColumns)},
+                     {"samples", samples}};
+  WriteFileAtomically(path_ / "cases" / (finished.row.Get(column::case_id) + ".json"), Dump(file));
 }
 
 Json ResultFolder::PreviousRun() const {
@@ -79,9 +82,15 @@ Json ResultFolder::PreviousRun() const {
   return run.is_object() ? run : Json();
 }
 
-std::vector<FinishedCase> ResultFolder::Cases() const {
+std::vector<FinishedCase> ResultFolder::Cases() const { return ReadCases(path_); }
+
+std::vector<FinishedCase> ReadCases(const fs::path& folder) {
   std::vector<FinishedCase> cases;
-  for (const fs::directory_entry& entry : fs::directory_iterator(path_ / "cases")) {
+  std::error_code error;
+  fs::directory_iterator it(folder / "cases", error);
+  if (error)
+    throw InputError(fmt::format("{}: cannot be read: {}", (folder / "cases").string(), error.message()));
+  for (const fs::directory_entry& entry : it) {
     if (entry.path().extension() != ".json") continue;
     std::ifstream in(entry.path(), std::ios::binary);
     try {

@@ -49,7 +49,8 @@ Json FactsOf(const RunOptions& options) {
   const bool whole_files = !options.ray_files.empty() && options.rays == 0;
   return {{"command_line", options.command_line},
           {"seed", options.seed},
-          {"quick", options.quick},
+          {"quick", options.suite.name == "quick"},
+          {"suite", {{"name", options.suite.name}, {"hash", options.suite.hash}}},
           {"rays_per_set", whole_files ? Json() : Json(options.RaysPerSet())},
           {"verified_per_set", options.RaysVerified()},
           {"depth", options.depth},

@@ -42,6 +42,9 @@ namespace {
 /// to ask.
 constexpr uint64_t kProbeRays = 512, kLargestProbed = 300000;
 
+/// A run on smaller ray sets is over before its probe would have paid.
+constexpr uint64_t kProbedFrom = 1 << 14;
+
 /// Seconds that drawing the report takes, more or less.
 constexpr double kReportGuess = 12;
 
@@ -57,7 +60,7 @@ class Run {
         options_(options),
         engine_(options.benchmark_flags),
         budget_{options.Budget(), options.Repetitions(),
-                options.repetitions != 0 || engine_.min_time().has_value(), options.quick ? 1u : 3u},
+                options.repetitions != 0 || engine_.min_time().has_value(), options.suite.fewest_samples},
         memory_(options.memory_limit != 0 ? options.memory_limit : UsableMemory() / 2),
         schedule_(progress_) {}
 
@@ -95,7 +98,7 @@ class Run {
       for (SceneRecord& record : scenes_) Recollect(record);
       for (size_t i = 0; i < scenes_.size(); ++i) {
         if (!scenes_[i].finished.is_null()) continue;
-        if (!options_.quick) Probe(i);
+        if (options_.RaysPerSet() > kProbedFrom) Probe(i);
         Expect(i);
       }
       if (options_.report) schedule_.PlanAtEnd(Work::kReport, kReportGuess);
@@ -124,11 +127,11 @@ class Run {
   // ---- scenes ----
 
   void LoadScenes() {
-    std::vector<std::string> names = options_.scenes;
-    if (names.empty()) {
-      if (FetchDefaultModel()) names.push_back(kDefaultModel);
-      names.insert(names.end(), std::begin(kDefaultGenerators), std::end(kDefaultGenerators));
-    }
+    std::vector<std::string> names;
+    for (const std::string& name : options_.scenes)
+      if (options_.named_scenes || FetchModel(name)) names.push_back(name);
+    if (names.empty())
+      throw InputError(fmt::format("suite {}: none of its models can be had", options_.suite.name));
     std::set<std::string> seen;
     DistinctNames distinct;
     scene_count_ = names.size();
@@ -164,19 +167,24 @@ class Run {
     }
   }
 
-  bool FetchDefaultModel() {
-    try {
-      const ManifestEntry entry = FindManifestEntry(kDefaultModel);
-      if (!IsFetched(entry)) Fetch(entry, [&](const std::string& line) { progress_.Say(line); });
-      return true;
-    } catch (const InputError& error) {
-      ThrowIfInterrupted();
-      Warn(fmt::format(
-          "the real model '{}' cannot be had, so the run goes on without it and ends inconclusive (3): {}",
-          kDefaultModel, error.what()));
-      inconclusive_ = true;
-      return false;
+  /// A model of a suite is fetched where it is not there; false: it cannot be had.
+  bool FetchModel(const std::string& name) {
+    for (const ManifestEntry& entry : Manifest()) {
+      if (entry.name != name || IsFetched(entry)) continue;
+      try {
+        Fetch(entry, [&](const std::string& line) { progress_.Say(line); });
+      } catch (const InputError& error) {
+        ThrowIfInterrupted();
+        // Else shards would not be of the same whole.
+        if (options_.shards > 1) throw;
+        Warn(fmt::format(
+            "the real model '{}' cannot be had, so the run goes on without it and ends inconclusive (3): {}",
+            name, error.what()));
+        inconclusive_ = true;
+        return false;
+      }
     }
+    return true;
   }
 
   void Warn(const std::string& text) {
@@ -232,7 +240,11 @@ class Run {
                          fs::last_write_time(plugin, error).time_since_epoch().count()});
     }
     Json depends = FactsOf(options_);
-    for (const char* key : {"command_line", "plugins", "processes", "shard"}) depends.erase(key);
+    for (const char* key : {"command_line", "plugins", "processes", "shard", "quick", "suite"})
+      depends.erase(key);
+    depends["heat_pixels"] = options_.suite.heat_pixels;
+    depends["tree_samples"] = options_.suite.tree_samples;
+    depends["linear_tests"] = options_.suite.linear_tests;
     return {{"build", BuildFacts()},
             {"machine", MachineFingerprint()},
             {"scene", record.scene.hash()},

@@ -23,16 +23,6 @@
 namespace raybench {
 namespace {
 
-/// A linear structure (RB_LINEAR) is left out where one pass would test more primitives than this, about half
-/// a second; in a quick run a quarter of that.
-constexpr double kLinearBudget = 0x1p25;
-
-/// Triangles whose overlap with strange nodes is measured, and lines that meet bounds; also of a quick run.
-constexpr uint64_t kTreeSamples = 1 << 14, kQuickTreeSamples = 1 << 12;
-
-/// Pixels across the heat maps of the report, and of a quick run's.
-constexpr uint32_t kHeatSide = 256, kQuickHeatSide = 128;
-
 constexpr const char* kAllInvalid = "all rays of the set are invalid";
 
 /// Whether a tree that was built again is the one that an earlier session judged, as far as that can be told
@@ -59,7 +49,7 @@ std::vector<uint32_t> RunContext::QueryThreads() const {
   return options.threads.empty() ? std::vector<uint32_t>{1} : options.threads;
 }
 
-uint32_t RunContext::HeatSide() const { return options.quick ? kQuickHeatSide : kHeatSide; }
+uint32_t RunContext::HeatSide() const { return options.suite.heat_pixels; }
 
 SceneRun::SceneRun(RunContext& context, SceneRecord& record)
     : context_(context),
@@ -165,7 +155,7 @@ std::vector<SourcedSet> SceneRun::CaptureSets() {
 }
 
 Entrant SceneRun::PlanEntrant(const Contestant& contestant) {
-  const double budget = options_.quick ? kLinearBudget / 4 : kLinearBudget;
+  const double budget = double(options_.suite.linear_tests);
   Entrant entrant;
   entrant.contestant = &contestant;
   entrant.foreign = !context_.Owns(record_.index, contestant);
@@ -425,7 +415,7 @@ bool SceneRun::Judge(Entrant& entrant) {
   if (!known) {
     if (const auto statistics = ReadTree(entrant.tree, geometry_)) {
       flaw = statistics->flaw;
-      const uint64_t samples = options_.quick ? kQuickTreeSamples : kTreeSamples;
+      const uint64_t samples = options_.suite.tree_samples;
       entrant.SetTreeValues(*statistics, EndPointOverlap(entrant.tree, geometry_, samples, options_.seed),
                             BoundTightness(entrant.tree, geometry_, samples, options_.seed));
     }

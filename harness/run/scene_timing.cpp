@@ -7,39 +7,11 @@
 #include <tuple>
 
 #include "harness/measure/statistics.h"
+#include "harness/results/times.h"
 #include "harness/run/scene_run.h"
 #include "harness/terminal/interrupt.h"
 
 namespace raybench {
-namespace {
-
-double TimeOf(const Sample& s, uint32_t threads) { return threads == 1 ? s.time.cpu : s.time.wall; }
-
-/// By session, seconds.
-std::map<uint64_t, std::vector<double>> TimesOf(std::span<const Sample> samples, uint32_t threads) {
-  std::map<uint64_t, std::vector<double>> times;
-  for (const Sample& s : samples) times[s.session].push_back(TimeOf(s, threads));
-  return times;
-}
-
-void AddTimes(Row& values, const Case& key, std::span<const Sample> samples) {
-  std::vector<std::vector<double>> groups;
-  for (auto& [session, times] : TimesOf(samples, key.threads)) groups.push_back(std::move(times));
-  const MedianInterval interval = MedianOfGroups(groups);
-  const uint64_t rays = key.IsBuild() ? 0 : *values.Get(column::timed_rays);
-  const double to_ns = key.IsBuild() ? 1e9 : 1e9 / double(rays);
-  const uint64_t items = key.IsBuild() ? key.primitives : rays;
-  values[column::status] = "timed";
-  values[column::samples] = samples.size();
-  values[column::sessions] = groups.size();
-  values[column::median_ns] = interval.median * to_ns;
-  if (interval.lo) values[column::lo_ns] = *interval.lo * to_ns;
-  if (interval.hi) values[column::hi_ns] = *interval.hi * to_ns;
-  if (interval.median > 0) values[column::rate] = double(items) / interval.median;
-}
-
-}  // namespace
-
 /// A case that is to be timed.
 struct SceneRun::Open {
   Entrant* entrant;
@@ -187,7 +159,10 @@ void SceneRun::StoreTimed(const Entrant& entrant, const PlannedCase& c) {
     values[column::cold_ns] = plan.cold * 1e9 / double(rays);
     values[column::timed_rays] = rays;
   }
-  AddTimes(values, c.key, samples);
+  values[column::query] = c.key.query;
+  values[column::threads] = c.key.threads;
+  values[column::primitives] = c.key.primitives;
+  AddTimes(values, samples);
   if (!c.key.IsBuild() && Anchors(part)) {
     values[column::anchor] = anchor_->Spec();
     const std::optional<double> seconds = AnchorSeconds(part, samples);
