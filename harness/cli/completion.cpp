@@ -155,7 +155,9 @@ _raybench() {
   fi
   [[ $place == - || -z $place ]] && return
   if [[ $place == *:commas && $cur == *,* ]]; then start=${cur%,*},; fi
-  COMPREPLY+=($(compgen -P "$start" -W "${_raybench_names[${place%%:*}]-}" -- "${cur#"$start"}"))
+  if [[ $place != :* ]]; then
+    COMPREPLY+=($(compgen -P "$start" -W "${_raybench_names[${place%%:*}]}" -- "${cur#"$start"}"))
+  fi
   if [[ $place == *:files:* ]]; then
     compopt -o filenames 2>/dev/null
     COMPREPLY+=($(compgen -f -- "$cur"))
@@ -185,7 +187,7 @@ _raybench() {
   fi
   [[ $place == - || -z $place ]] && return
   [[ $place == *:commas ]] && compset -P '*,'
-  compadd -- ${=_raybench_names[${place%%:*}]}
+  [[ $place == :* ]] || compadd -- ${=_raybench_names[${place%%:*}]}
   [[ $place == *:files:* ]] && _files
 }
 (( $+functions[compdef] )) || { autoload -Uz compinit && compinit }

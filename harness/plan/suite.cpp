@@ -41,7 +41,6 @@ class Reader {
     Suite suite;
     Text("doc", suite.doc);
     List("scenes", [&](const toml::node& node, const std::string& key) { AddScenes(suite, node, key); });
-    if (suite.scenes.empty()) Fail(table_, "scenes", "missing; allowed: a list of at least one scene");
     Words("numerics", numerics_);
     List("structures",
          [&](const toml::node& node, const std::string& key) { AddStructures(suite, node, key); });
@@ -73,6 +72,7 @@ class Reader {
       suite.shuffled = *node->value<bool>();
     }
     RefuseOthers();
+    if (suite.scenes.empty()) Fail(table_, "scenes", "missing; allowed: a list of at least one scene");
     return suite;
   }
 

@@ -259,6 +259,10 @@ Merged Merge(const fs::path& out, const std::vector<std::string>& folders,
              const std::function<void(const std::string&)>& note) {
   std::vector<Source> sources;
   for (const std::string& folder : folders) {
+    std::error_code error;
+    for (const Source& source : sources)
+      if (fs::equivalent(source.path, folder, error))
+        throw InputError(fmt::format("{}: is given twice", folder));
     sources.push_back(Read(folder));
     RefuseUnlike(sources.front(), sources.back());
   }
