@@ -61,6 +61,6 @@ void AddMergeCommand(CLI::App& app, Invocation& invocation) {
 
 }  // namespace
 
-const Command kMerge = {15, AddMergeCommand};
+const Command kMerge = {95, AddMergeCommand};
 
 }  // namespace raybench

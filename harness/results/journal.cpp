@@ -112,8 +112,12 @@ void Journal::Append(const std::string& lines) {
   synced_ = now;
 }
 
-void Journal::Add(const std::string& kind, const std::string& key, Json record) {
+void Journal::Begin() {
   if (file_ < 0) Open();
+}
+
+void Journal::Add(const std::string& kind, const std::string& key, Json record) {
+  Begin();
   Json whole = {{"kind", kind}, {"of", key}};
   whole.update(record);
   Append(Line(whole));
@@ -141,6 +145,7 @@ void Journal::AddSample(const std::string& key, const Sample& sample) {
 void Journal::Remove() {
   if (file_ >= 0) close(std::exchange(file_, -1));
   records_.clear();
+  samples_ = 0;
   whole_bytes_ = 0;
   std::error_code error;
   fs::remove(path_, error);

@@ -28,7 +28,9 @@ class Journal {
   /// Whether there were records, which depended on something else.
   bool dropped() const { return dropped_; }
   uint64_t session() const { return session_; }
-  /// Sessions just before this one that left no record behind.
+  /// Says that this session has begun, unless it is said already.
+  void Begin();
+  /// Sessions just before this one that began and left no record behind.
   uint64_t FruitlessSessions() const { return fruitless_; }
   uint64_t samples() const { return samples_; }
 

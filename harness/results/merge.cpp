@@ -48,7 +48,7 @@ constexpr const char* kSame[] = {
     "/build/flags",   "/libraries/cgal", "/libraries/benchmark", "/suite/name",
     "/suite/hash",    "/seed",           "/rays_per_set",        "/verified_per_set",
     "/depth",         "/processes",      "/timing/repetitions",  "/timing/budget_seconds",
-    "/timing/flags"};
+    "/timing/flags",  "/plugins"};
 
 void RefuseUnlike(const Source& a, const Source& b) {
   const auto at = [](const Source& source, const char* where) {

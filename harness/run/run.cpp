@@ -95,7 +95,8 @@ class Run {
                                   .replays = !ray_files_.empty(),
                                   .process = process_,
                                   .scenes = scene_count_});
-      for (SceneRecord& record : scenes_) Recollect(record);
+      const std::vector<FinishedCase> there = results_->Cases();
+      for (SceneRecord& record : scenes_) Recollect(record, there);
       for (size_t i = 0; i < scenes_.size(); ++i) {
         if (!scenes_[i].finished.is_null()) continue;
         if (options_.RaysPerSet() > kProbedFrom) Probe(i);
@@ -139,7 +140,7 @@ class Run {
       const std::string& name = names[index];
       if (!seen.insert(name).second) throw InputError(fmt::format("scene '{}' is given twice", name));
       const std::string stem = distinct(FileStem(name));
-      bool ours = false;
+      bool ours = !ray_files_.empty();  // which say themselves what scene they belong to
       for (size_t c = 0; c < contestants_.size(); ++c)
         ours = ours || Owns(options_, index, names.size(), c, contestants_.size());
       if (!ours) continue;
@@ -165,6 +166,9 @@ class Run {
               : fmt::format("; {} degenerate triangles left out", scene.stats.degenerate_triangles)));
       for (const std::string& note : scene.stats.notes) progress_.Say(fmt::format("{}: {}", name, note));
     }
+    if (scenes_.empty())
+      throw InputError(fmt::format("--shard {}/{}: there are only {} pairs of scene and structure",
+                                   options_.shard, options_.shards, names.size() * contestants_.size()));
   }
 
   /// A model of a suite is fetched where it is not there; false: it cannot be had.
@@ -270,7 +274,7 @@ class Run {
   }
 
   /// Finds out what earlier sessions know of a scene.
-  void Recollect(SceneRecord& record) {
+  void Recollect(SceneRecord& record, const std::vector<FinishedCase>& cases) {
     record.recall = std::make_unique<Recall>(results_->path() / "journal" / (record.stem + ".jsonl"),
                                              DependsOn(record), session_, process_);
     const Journal& journal = record.recall->journal();
@@ -280,15 +284,13 @@ class Run {
                       "measured anew",
                       record.name));
     if (journal.samples() > 0)
-      progress_.Say(
-          fmt::format("{}: {} samples of unfinished cases are kept", record.name, journal.samples()));
+      progress_.Say(fmt::format("{}: {} samples are kept", record.name, journal.samples()));
     if (before_.is_null()) return;
     for (const Json& scene : before_.at("scenes")) {
       if (scene.value("scene", "") != record.name || scene.value("hash", "") != record.scene.hash()) continue;
       for (const Json& note : scene.at("notes"))
         if (std::find(record.notes.begin(), record.notes.end(), note) == record.notes.end())
           record.notes.push_back(note);
-      const std::vector<FinishedCase> cases = results_->Cases();
       const auto there = uint64_t(std::count_if(cases.begin(), cases.end(), [&](const FinishedCase& c) {
         return c.row.Get(column::scene) == record.name &&
                c.row.Get(column::scene_hash) == record.scene.hash();
@@ -449,6 +451,13 @@ class Run {
     results_->WriteRunJson(run);
   }
 
+  uint64_t UnfinishedSamples() const {
+    uint64_t samples = 0;
+    for (const SceneRecord& record : scenes_)
+      if (record.recall) samples += record.recall->journal().samples();
+    return samples;
+  }
+
   int Finish(bool interrupted) {
     if (!results_) return 130;  // interrupted while loading: nothing was written
     results_->WriteCsvs();
@@ -474,8 +483,10 @@ class Run {
     std::fflush(stdout);
     if (interrupted) {
       progress_.Say(fmt::format(
-          "interrupted: {} finished cases are kept; the same command with --out {} --resume continues",
-          cases.size(), folder));
+          "interrupted: {} finished cases are kept, and {} samples of unfinished scenes; the same command "
+          "with --out {} --resume "
+          "continues",
+          cases.size(), UnfinishedSamples(), folder));
       return 130;
     }
     if (options_.report) {

@@ -58,7 +58,10 @@ SceneRun::SceneRun(RunContext& context, SceneRecord& record)
       record_(record),
       recall_(*record.recall),
       geometry_(record.scene.Geometry()) {
-  schedule_.Enter(record.index, record.name);
+  const bool several = options_.processes > 1;
+  schedule_.Enter(record.index, several ? fmt::format("process {} of {}, {}", context.process + 1,
+                                                      options_.processes, record.name)
+                                        : record.name);
 }
 
 void SceneRun::Note(const std::string& text) {
@@ -120,6 +123,7 @@ void SceneRun::ReckonWithKnown() {
 
 void SceneRun::Measure() {
   if (!entrants_.empty()) {
+    recall_.journal().Begin();
     size_t most = 0;
     for (const PreparedSet& s : sets_) most = std::max(most, s.set.rays.size());
     answers_.emplace(most);

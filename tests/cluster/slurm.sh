@@ -8,8 +8,9 @@ cluster=$here/../../harness/cluster
 RAYBENCH=$(realpath "${1:-$here/../../build/release/raybench}")
 export RAYBENCH
 [ "$(id -u)" = 0 ] || { echo "slurm.sh: needs root, for slurmd" >&2; exit 2; }
-command -v slurmctld >/dev/null && command -v munged >/dev/null ||
+if ! command -v slurmctld >/dev/null || ! command -v munged >/dev/null; then
   DEBIAN_FRONTEND=noninteractive apt-get install -qy --no-install-recommends slurm-wlm munge >/dev/null
+fi
 
 work=$(mktemp -d)
 pids=()
