@@ -9,10 +9,10 @@ export HOME=${HOME:-$(getent passwd "$(id -u)" | cut -d: -f6)}
 packages=(
   build-essential ca-certificates ccache cmake git ninja-build python3 python3-venv
   libbenchmark-dev libboost-dev libcgal-dev libcli11-dev libembree-dev libfmt-dev libgmock-dev libgtest-dev
-  libopenimageio-dev libopenmesh-dev libtbb-dev libtinygltf-dev nlohmann-json3-dev openimageio-tools
+  libopenimageio-dev libopenmesh-dev libtbb-dev libtinygltf-dev libtomlplusplus-dev nlohmann-json3-dev openimageio-tools
 )
 needed="a C++20 compiler, CMake 3.25, Ninja, Git, Python 3.11 with venv, and the development packages of Embree 3 or 4, \
-Boost, CGAL, Google Benchmark, OpenMesh, tinygltf, OpenImageIO (with its tools), oneTBB, fmt, CLI11, nlohmann-json, \
+Boost, CGAL, Google Benchmark, OpenMesh, tinygltf, OpenImageIO (with its tools), oneTBB, fmt, CLI11, nlohmann-json, toml++, \
 GoogleTest with GoogleMock"
 
 say() { printf '== %s\n' "$*"; }

@@ -16,6 +16,8 @@ constexpr const char* kExamples = R"help(
 Examples:
   raybench run                          the main job: a real model and two procedural scenes
   raybench run --quick                  the same with fewer rays, in less than a minute
+  raybench run --suite mine.toml --out results/sweep --resume
+                                        a suite of your own; goes on where it was stopped
   raybench run model.glb --structures "bvh_sah,bvh_sah(numerics=fast),embree" --out results/mine
   raybench run "sphereflake(depth=5)" --rays 1M --threads 1,2 --seed 7
   raybench run model.obj --plugin ./libmine.so --structures mine,bvh_sah

@@ -11,6 +11,7 @@
 #include "datasets/scene/scene.h"
 #include "harness/base/json.h"
 #include "harness/cli/commands.h"
+#include "harness/plan/suite.h"
 
 namespace raybench {
 namespace {
@@ -284,6 +285,42 @@ int ListScenes(const ListOptions& options) {
   return 0;
 }
 
+Json SuiteAsJson(const Suite& suite) {
+  return {
+      {"name", suite.name}, {"doc", suite.doc}, {"scenes", suite.scenes}, {"structures", suite.structures}};
+}
+
+int ListSuites(const Registry& registry, const ListOptions& options) {
+  std::vector<std::vector<std::string>> rows = {{"suite", "what it is"}};
+  Json json = Json::array();
+  for (const SuiteText& shipped : ShippedSuites()) {
+    const Suite suite = ReadSuite(registry, shipped.name);
+    json.push_back(SuiteAsJson(suite));
+    rows.push_back({suite.name, suite.doc});
+  }
+  if (options.json) return PrintJson(json);
+  PrintTable(rows);
+  fmt::print(
+      "\n`raybench list suite NAME` prints one; saved as a file and changed it is one of your own: raybench "
+      "run "
+      "--suite FILE.toml\n");
+  return 0;
+}
+
+int ListSuite(const Registry& registry, const ListOneOptions& options) {
+  const Suite suite = ReadSuite(registry, options.name);
+  if (options.json) return PrintJson(SuiteAsJson(suite));
+  for (const SuiteText& shipped : ShippedSuites()) {
+    if (options.name != shipped.name) continue;
+    fmt::print("{}", shipped.text);
+    return 0;
+  }
+  // A file of the user's own, who has its text: what it comes to.
+  fmt::print("scenes\n  {}\nstructures\n  {}\n", fmt::join(suite.scenes, "\n  "),
+             suite.structures.empty() ? "families" : fmt::format("{}", fmt::join(suite.structures, "\n  ")));
+  return 0;
+}
+
 template <class T>
 int ShowMaker(const T& maker, const ListOneOptions& options) {
   if (options.json) return PrintJson(DescribeMaker(maker));
@@ -334,7 +371,7 @@ void AddListCommand(CLI::App& app, Invocation& invocation) {
   list.callback([&list] {
     if (list.get_subcommands().empty())
       throw InputError(
-          "raybench list: add 'structures', 'generators', 'models', 'scenes', "
+          "raybench list: add 'structures', 'generators', 'models', 'scenes', 'suites', "
           "'structure NAME' or 'scene NAME'");
   });
   const auto all = [&](const char* name, const char* doc, auto act) {
@@ -359,6 +396,10 @@ void AddListCommand(CLI::App& app, Invocation& invocation) {
       [](const ListOneOptions& options, const Registry&) { return ListModel(options); });
   all("scenes", "All generators, modifiers, models and file formats",
       [](const ListOptions& options, const Registry&) { return ListScenes(options); });
+  all("suites", "All suites of `raybench run`, one line each",
+      [](const ListOptions& options, const Registry& registry) { return ListSuites(registry, options); });
+  one("suite", "One suite, as its TOML file; of a file of your own what it comes to",
+      [](const ListOneOptions& options, const Registry& registry) { return ListSuite(registry, options); });
   AddListSceneCommand(list, invocation);
 }
 

@@ -16,6 +16,7 @@
 #include <set>
 #include <string>
 
+#include "accel/base/hash.h"
 #include "harness/measure/build_info.h"
 #include "harness/measure/commit.h"
 #ifdef RAYBENCH_EMBREE_MAJOR
@@ -147,6 +148,19 @@ Json MachineFacts() {
   facts["kernel"] =
       uname(&name) == 0 ? Json(fmt::format("{} {} {}", name.sysname, name.release, name.machine)) : Json();
   return facts;
+}
+
+std::string MachineFingerprint() {
+  static const std::string fingerprint = [] {
+    const Json facts = MachineFacts();
+    Hash64 hash;
+    for (const char* key : {"cpu", "cpu_flags", "logical_cpus", "physical_cores", "allowed_cpus", "os"})
+      hash.Add(std::string_view(facts.at(key).dump()));
+    // What the kernel keeps for itself differs from boot to boot.
+    hash.AddValue((facts.at("memory_bytes").get<uint64_t>() + (uint64_t{1} << 29)) >> 30);
+    return hash.Hex().substr(0, 8);
+  }();
+  return fingerprint;
 }
 
 Json BuildFacts() {

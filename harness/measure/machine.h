@@ -9,6 +9,9 @@ namespace raybench {
 
 /// CPU, cores, memory, operating system, as found at run time. A fact that cannot be found is null.
 Json MachineFacts();
+/// 8 hex digits that machines on which the same times can be expected share: over processor, its flags, number of
+/// processors, memory and operating system, but not the host's name.
+std::string MachineFingerprint();
 /// Version, commit, compiler, flags.
 Json BuildFacts();
 /// Versions of the libraries, and instruction sets where they choose one at run time.

@@ -8,7 +8,6 @@
 #include <algorithm>
 #include <cstdlib>
 #include <cstring>
-#include <map>
 #include <sstream>
 
 #include "accel/base/error.h"
@@ -35,10 +34,13 @@ bool Failed(const auto& run) {
   }
 }
 
+/// Where a benchmark's name says which task's sample it is: "INDEX|..." with the index of the task.
+size_t TaskOf(const std::string& name) { return std::stoul(name); }
+
 class Collector : public benchmark::BenchmarkReporter {
  public:
-  Collector(const std::map<std::string, size_t>& index, std::vector<Measurement>& results)
-      : index_(index), results_(results) {}
+  Collector(size_t tasks, const std::function<void(size_t, const Sample&)>& take)
+      : taken_(tasks), take_(take) {}
 
   bool ReportContext(const Context& context) override {
     std::ostringstream remarks;
@@ -49,12 +51,11 @@ class Collector : public benchmark::BenchmarkReporter {
 
   void ReportRuns(const std::vector<Run>& runs) override {
     for (const Run& run : runs) {
-      if (run.run_type != Run::RT_Iteration) continue;
-      Measurement& result = results_[index_.at(run.run_name.function_name)];
-      if (Failed(run)) continue;
+      if (run.run_type != Run::RT_Iteration || Failed(run)) continue;
+      const size_t task = TaskOf(run.run_name.function_name);
       const double passes = double(run.iterations);
       Sample sample;
-      sample.sample = result.size();
+      sample.sample = taken_[task]++;
       sample.sequence = uint64_t(run.counters.at("sequence").value);
       sample.passes = uint64_t(run.iterations);
       sample.time = {run.real_accumulated_time / passes, run.cpu_accumulated_time / passes};
@@ -62,13 +63,13 @@ class Collector : public benchmark::BenchmarkReporter {
       if (auto cpu = run.counters.find("build_cpu"); cpu != run.counters.end()) {
         sample.time.cpu = cpu->second.value / passes;
       }
-      result.push_back(sample);
+      take_(task, sample);
     }
   }
 
  private:
-  const std::map<std::string, size_t>& index_;
-  std::vector<Measurement>& results_;
+  std::vector<uint64_t> taken_;
+  const std::function<void(size_t, const Sample&)>& take_;
 };
 
 }  // namespace
@@ -164,19 +165,17 @@ void InitialiseEngine(const EngineFlags& flags) {
 
 std::string EngineRemarks() { return g_remarks; }
 
-std::vector<Measurement> Measure(const std::vector<TimedTask>& tasks,
-                                 const std::function<void(double)>& progress) {
-  std::vector<Measurement> results(tasks.size());
-  if (tasks.empty()) return results;
-  std::map<std::string, size_t> index;
+void Measure(const std::vector<TimedTask>& tasks, const std::function<void(size_t, const Sample&)>& take,
+             const std::function<void(double)>& progress) {
+  if (tasks.empty()) return;
   uint64_t sequence = 0;
   double total = 1e-9, done = 0;
   for (const TimedTask& task : tasks) total += task.sample_cost * task.samples;
 
-  for (size_t i = 0; i < tasks.size(); ++i) {
-    const TimedTask& task = tasks[i];
-    index[task.name] = i;
-    auto* registered = benchmark::RegisterBenchmark(task.name.c_str(), [&](benchmark::State& state) {
+  const auto add = [&](size_t index, uint32_t sample) {
+    const TimedTask& task = tasks[index];
+    const std::string name = fmt::format("{}|{}|{}", index, task.name, sample);
+    auto* registered = benchmark::RegisterBenchmark(name.c_str(), [&](benchmark::State& state) {
       if (Interrupted()) {
         state.SkipWithError("interrupted");
         return;
@@ -207,20 +206,20 @@ std::vector<Measurement> Measure(const std::vector<TimedTask>& tasks,
       state.counters["sequence"] = place;
     });
     registered->ReportAggregatesOnly(false);
-    registered->Repetitions(int(task.samples));
     if (task.build) registered->UseManualTime();
     if (task.parallel) registered->MeasureProcessCPUTime();
     if (task.parallel && !task.build) registered->UseRealTime();
     if (!g_user_sets_min_time)
       registered->Iterations(benchmark::IterationCount(std::max<uint64_t>(1, task.passes)));
-  }
+  };
+  // Each sample is a benchmark of its own: of several repetitions the engine tells all when the last one is
+  // there. The order in which it runs them is random either way.
+  for (size_t i = 0; i < tasks.size(); ++i)
+    for (uint32_t sample = 0; sample < tasks[i].samples; ++sample) add(i, sample);
 
-  Collector collector(index, results);
+  Collector collector(tasks.size(), take);
   benchmark::RunSpecifiedBenchmarks(&collector);
   benchmark::ClearRegisteredBenchmarks();
-  for (size_t i = 0; i < tasks.size(); ++i)
-    if (results[i].size() < tasks[i].samples) results[i].clear();  // interrupted
-  return results;
 }
 
 }  // namespace raybench

@@ -46,6 +46,8 @@ struct Sample {
   uint64_t sequence = 0;  ///< place in the random order of the group
   uint64_t passes = 0;    ///< passes in this sample
   Seconds time;           ///< of one pass
+  uint64_t process = 0;   ///< of --processes, from 0
+  uint64_t session = 0;   ///< process of the operating system that took it, counted from 0 in a folder
 };
 
 /// What is timed. Exactly one of `pass` and `build` is set.
@@ -60,7 +62,7 @@ struct TimedTask {
   bool parallel = false;           ///< more than one thread: not pinned, the whole process's CPU time
 };
 
-/// Samples of one task; none where the run was interrupted before all were there.
+/// Samples of one task; fewer than it wants where the run was interrupted.
 using Measurement = std::vector<Sample>;
 
 /// What a run takes of the arguments "--benchmark_..."; the rest of what Google Benchmark knows would end the
@@ -88,9 +90,9 @@ void InitialiseEngine(const EngineFlags& flags);
 /// optimisation. Known after the first Measure().
 std::string EngineRemarks();
 
-/// Times all tasks as one group, in the order of the result. `progress` is told the fraction of the expected
-/// time that is done, outside the clock.
-std::vector<Measurement> Measure(const std::vector<TimedTask>& tasks,
-                                 const std::function<void(double)>& progress);
+/// Times all tasks as one group. `take` is given each sample as it ends, with the task's index; `progress` the
+/// fraction of the expected time that is done; both outside the clock.
+void Measure(const std::vector<TimedTask>& tasks, const std::function<void(size_t, const Sample&)>& take,
+             const std::function<void(double)>& progress);
 
 }  // namespace raybench

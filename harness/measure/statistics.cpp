@@ -4,6 +4,8 @@
 #include <cmath>
 #include <vector>
 
+#include "accel/base/random.h"
+
 namespace raybench {
 
 double UpperRate(uint64_t events, uint64_t trials) {
@@ -45,6 +47,49 @@ MedianInterval MedianOf(std::span<const double> values) {
     probability *= double(n - k + 1) / double(k);
   }
   return result;
+}
+
+MedianInterval MedianOfGroups(std::span<const std::vector<double>> groups) {
+  constexpr uint64_t kResamples = 1000;
+  std::vector<double> all;
+  for (const std::vector<double>& group : groups) all.insert(all.end(), group.begin(), group.end());
+  MedianInterval result = MedianOf(all);
+  if (groups.size() < 2) return result;
+  result.lo = result.hi = std::nullopt;
+  result.coverage = 0;
+  if (all.size() < 6) return result;
+  Random random(1, 0);
+  std::vector<double> medians, drawn;
+  for (uint64_t i = 0; i < kResamples; ++i) {
+    drawn.clear();
+    for (size_t g = 0; g < groups.size(); ++g) {
+      const std::vector<double>& group = groups[random.Below(groups.size())];
+      for (size_t j = 0; j < group.size(); ++j) drawn.push_back(group[random.Below(group.size())]);
+    }
+    const auto middle = drawn.begin() + ptrdiff_t(drawn.size() / 2);
+    std::nth_element(drawn.begin(), middle, drawn.end());
+    medians.push_back(drawn.size() % 2 == 1 ? *middle
+                                            : 0.5 * (*middle + *std::max_element(drawn.begin(), middle)));
+  }
+  std::sort(medians.begin(), medians.end());
+  result.lo = medians[kResamples / 40];
+  result.hi = medians[kResamples - 1 - kResamples / 40];
+  result.coverage = 0.95;
+  return result;
+}
+
+double WeightedMedian(std::vector<std::pair<double, double>> values) {
+  std::sort(values.begin(), values.end());
+  double total = 0, below = 0;
+  for (const auto& [value, weight] : values) total += weight;
+  for (size_t i = 0; i < values.size(); ++i) {
+    below += values[i].second;
+    // Sums of weights such as 1/3 meet the half but for rounding.
+    if (std::fabs(below - total / 2) < 1e-9 * total && i + 1 < values.size())
+      return 0.5 * (values[i].first + values[i + 1].first);
+    if (below > total / 2) return values[i].first;
+  }
+  return values.back().first;
 }
 
 }  // namespace raybench

@@ -29,6 +29,10 @@ namespace {
 constexpr std::string_view kFamilies[] = {"brute", "bvh_sah",    "embree", "grid",
                                           "kdop",  "kdtree_sah", "null",   "octree"};
 
+bool IsFamilies(const std::vector<std::string>& specs) {
+  return specs.empty() || (specs.size() == 1 && specs[0] == "families");
+}
+
 bool IsEvery(const std::vector<std::string>& specs) { return specs.size() == 1 && specs[0] == "all"; }
 
 std::vector<const rb_structure*> ChooseStructures(const Registry& registry, bool all) {
@@ -43,6 +47,10 @@ std::vector<const rb_structure*> ChooseStructures(const Registry& registry, bool
 
 }  // namespace
 
+bool Owns(const RunOptions& options, size_t scene, size_t scenes, size_t structure, size_t structures) {
+  return (scene * structures + structure) * options.shards / (scenes * structures) + 1 == options.shard;
+}
+
 std::string WhyNotTaken(const rb_structure& structure, const Scene& scene) {
   if (scene.procedural_count() == 0 || (structure.capabilities & RB_CAN_PROCEDURAL) != 0) return {};
   return "the scene has procedural primitives and the structure takes triangles only";
@@ -50,7 +58,7 @@ std::string WhyNotTaken(const rb_structure& structure, const Scene& scene) {
 
 std::vector<Contestant> ChooseContestants(const Registry& registry, const std::vector<std::string>& specs) {
   std::vector<Contestant> chosen;
-  if (!specs.empty() && !IsEvery(specs)) {
+  if (!IsFamilies(specs) && !IsEvery(specs)) {
     std::set<std::string> seen;
     for (const std::string& spec : specs) {
       chosen.push_back(ParseContestant(registry, spec));
@@ -74,7 +82,7 @@ std::vector<Contestant> ChooseContestants(const Registry& registry, const std::v
 }
 
 std::vector<Contestant> EveryArithmetic(const Registry& registry, const std::vector<std::string>& specs) {
-  if (!specs.empty() && !IsEvery(specs)) return ChooseContestants(registry, specs);
+  if (!IsFamilies(specs) && !IsEvery(specs)) return ChooseContestants(registry, specs);
   std::vector<Contestant> chosen;
   for (const rb_structure* s : ChooseStructures(registry, IsEvery(specs))) {
     if (std::string_view(s->name) == "null") continue;  // always misses

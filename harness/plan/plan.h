@@ -8,6 +8,7 @@
 
 #include "accel/host/registry.h"
 #include "datasets/scene/scene.h"
+#include "harness/plan/suite.h"
 
 namespace raybench {
 
@@ -28,39 +29,43 @@ struct Case {
   bool IsBuild() const { return query == "build"; }
 };
 
-/// What `raybench run` was asked for. A zero stands for "the default", which depends on `quick`.
+/// What `raybench run` was asked for. A zero, or nothing, stands for what the suite says.
 struct RunOptions {
-  std::vector<std::string> scenes;      ///< empty: the default scenes
+  Suite suite;
+  bool named_scenes = false;            ///< `scenes` were typed, and so must be there
+  std::vector<std::string> scenes;      ///< those of the suite, or others
   std::vector<std::string> structures;  ///< as ChooseContestants() takes them
   std::vector<std::string> sets;        ///< ray sets to capture, by label or kind; empty: all
   std::vector<std::string> ray_files;   ///< .rays files or folders of them, replayed instead of captured sets
   std::vector<std::string> plugins;     ///< already loaded; recorded
   std::vector<uint32_t> threads;        ///< ascending; empty: queries 1, builds 1 and all
-  bool quick = false, resume = false, report = true, shuffled = false, drop_bad = false;
+  bool resume = false, report = true, shuffled = false, drop_bad = false;
   std::string out;  ///< empty: results/<UTC time>
   /// `rays` 0 with `ray_files`: whole files.
   uint64_t rays = 0, verify_rays = 0, memory_limit = 0, seed = 1;
   uint32_t repetitions = 0, depth = 2;
+  uint32_t processes = 1;                    ///< one after the other, each takes all samples anew
+  uint32_t shard = 1, shards = 1;            ///< this one, from 1, of so many
   double budget = 0;                         ///< seconds of timing a case
   std::vector<std::string> benchmark_flags;  ///< "--benchmark_..." as given
   std::vector<std::string> command_line;
 
-  uint64_t RaysPerSet() const { return rays != 0 ? rays : quick ? 1u << 13 : 1u << 17; }
-  uint64_t RaysVerified() const { return verify_rays != 0 ? verify_rays : quick ? 1024 : 4096; }
-  /// Six samples are the fewest that have an interval of 95 %.
-  uint32_t Repetitions() const { return repetitions != 0 ? repetitions : quick ? 6 : 9; }
+  uint64_t RaysPerSet() const { return rays != 0 ? rays : suite.rays; }
+  uint64_t RaysVerified() const { return verify_rays != 0 ? verify_rays : suite.verify_rays; }
+  uint32_t Repetitions() const { return repetitions != 0 ? repetitions : suite.repetitions; }
   /// More samples by name are not shorter ones.
-  double Budget() const { return budget != 0 ? budget : Repetitions() * (quick ? 0.005 : 0.04); }
+  double Budget() const { return budget != 0 ? budget : Repetitions() * suite.sample_seconds; }
 };
 
-/// The model that runs when no scene is named, and the generators beside it.
-inline constexpr const char* kDefaultModel = "engine";
-inline constexpr const char* kDefaultGenerators[] = {"sphereflake", "stadium"};
+/// Whether this shard measures that structure on that scene: of all pairs, scene by scene, each shard has a run
+/// of the same length (but for one).
+bool Owns(const RunOptions& options, size_t scene, size_t scenes, size_t structure, size_t structures);
 
 /// Why the structure cannot be built over the scene, in words; empty if it can.
 std::string WhyNotTaken(const rb_structure& structure, const Scene& scene);
 
-/// The named structures. Without names one of each family and what plugins brought, and with "all" alone
+/// The named structures. Without names, or with "families" alone, one of each family and what plugins
+/// brought, and with "all" alone
 /// every registered one, at their defaults with the variants worth seeing beside them. Throws InputError:
 /// unknown, or given twice.
 std::vector<Contestant> ChooseContestants(const Registry& registry, const std::vector<std::string>& specs);

@@ -8,6 +8,8 @@
 
 #include "accel/base/error.h"
 #include "datasets/scene/text.h"
+#include "harness/measure/machine.h"
+#include "harness/results/journal.h"
 
 namespace raybench {
 namespace fs = std::filesystem;
@@ -44,9 +46,8 @@ bool ResultFolder::IsTimed(const std::string& case_id) const {
 }
 
 void ResultFolder::Store(const Case& key, const Row& values, std::span<const Sample> samples) const {
-  const std::string id = key.Id();
   Row row;
-  row[column::case_id] = id;
+  row[column::case_id] = key.Id();
   row[column::scene] = key.scene;
   row[column::scene_hash] = key.scene_hash;
   row[column::primitives] = key.primitives;
@@ -60,25 +61,36 @@ void ResultFolder::Store(const Case& key, const Row& values, std::span<const Sam
   if (!key.IsBuild()) row[column::rays] = key.rays;
   row[column::threads] = key.threads;
   row[column::seed] = key.seed;
+  row[column::machine] = MachineFingerprint();
   row.Take(values);
-  Json rows_of_samples = Json::array();
-  for (const Sample& s : samples) {
-    rows_of_samples.push_back({{"sample", s.sample},
-                               {"sequence", s.sequence},
-                               {"passes", s.passes},
-                               {"seconds", s.time.wall},
-                               {"cpu_seconds", s.time.cpu}});
-  }
-  const Json file = {{"format", kResultFormat},
-                     {"plan_index", key.plan_index},
-                     {"case", row.ToJson(kCasesColumns)},
-                     {"samples", rows_of_samples}};
-  WriteFileAtomically(path_ / "cases" / (id + ".json"), Dump(file));
+  Store({key.plan_index, std::move(row), {samples.begin(), samples.end()}});
 }
 
-std::vector<FinishedCase> ResultFolder::Cases() const {
+void ResultFolder::Store(const FinishedCase& finished) const {
+  Json samples = Json::array();
+  for (const Sample& s : finished.samples) samples.push_back(ToJson(s));
+  const Json file = {{"format", kResultFormat},
+                     {"plan_index", finished.plan_index},
+                     {"case", finished.row.ToJson(kCasesColumns)},
+                     {"samples", samples}};
+  WriteFileAtomically(path_ / "cases" / (finished.row.Get(column::case_id) + ".json"), Dump(file));
+}
+
+Json ResultFolder::PreviousRun() const {
+  std::ifstream in(path_ / "run.json", std::ios::binary);
+  Json run = in ? Json::parse(in, nullptr, /*allow_exceptions=*/false) : Json();
+  return run.is_object() ? run : Json();
+}
+
+std::vector<FinishedCase> ResultFolder::Cases() const { return ReadCases(path_); }
+
+std::vector<FinishedCase> ReadCases(const fs::path& folder) {
   std::vector<FinishedCase> cases;
-  for (const fs::directory_entry& entry : fs::directory_iterator(path_ / "cases")) {
+  std::error_code error;
+  fs::directory_iterator it(folder / "cases", error);
+  if (error)
+    throw InputError(fmt::format("{}: cannot be read: {}", (folder / "cases").string(), error.message()));
+  for (const fs::directory_entry& entry : it) {
     if (entry.path().extension() != ".json") continue;
     std::ifstream in(entry.path(), std::ios::binary);
     try {
@@ -86,11 +98,7 @@ std::vector<FinishedCase> ResultFolder::Cases() const {
       if (const auto format = file.at("format").get<uint64_t>(); format != kResultFormat)
         throw std::invalid_argument(fmt::format("its format is {}, not {}", format, kResultFormat));
       FinishedCase finished{file.at("plan_index"), Row(file.at("case"), kCasesColumns), {}};
-      for (const Json& s : file.at("samples"))
-        finished.samples.push_back({.sample = s.at("sample"),
-                                    .sequence = s.at("sequence"),
-                                    .passes = s.at("passes"),
-                                    .time = {s.at("seconds"), s.at("cpu_seconds")}});
+      for (const Json& s : file.at("samples")) finished.samples.push_back(SampleFrom(s));
       cases.push_back(std::move(finished));
     } catch (const std::exception& error) {  // JSON's own, and those of Row
       throw InputError(fmt::format("{}: not a case file of this raybench ({}); remove it",
@@ -126,6 +134,8 @@ void ResultFolder::WriteCsvs() const {
       row[column::rays] = c.Get(column::timed_rays);
       row[column::seconds] = s.time.wall;
       row[column::cpu_seconds] = s.time.cpu;
+      row[column::process] = s.process;
+      row[column::session] = s.session;
       samples += row.ToCsv(kSamplesColumns) + "\n";
     }
   }

@@ -22,6 +22,10 @@ struct FinishedCase {
   std::vector<Sample> samples;
 };
 
+/// All finished cases of a result folder in the order of the plan. Throws InputError naming a file that cannot be
+/// read.
+std::vector<FinishedCase> ReadCases(const std::filesystem::path& folder);
+
 class ResultFolder {
  public:
   /// Creates the folder. Throws InputError when it holds cases already and `resume` is not set, or cannot
@@ -35,7 +39,10 @@ class ResultFolder {
   /// Stores a finished case. `values` gives columns of cases.csv beyond those of the key; those not given
   /// stay empty. A column of another table is a programming error (std::logic_error).
   void Store(const Case& key, const Row& values, std::span<const Sample> samples) const;
-  /// All finished cases in the order of the plan. Throws InputError naming a file that cannot be read.
+  /// The same as it is, from another folder.
+  void Store(const FinishedCase& finished) const;
+  /// run.json as an earlier session left it; null if there is none.
+  Json PreviousRun() const;
   std::vector<FinishedCase> Cases() const;
   /// Derives samples.csv and cases.csv from the finished cases.
   void WriteCsvs() const;

@@ -1,5 +1,7 @@
 #include "harness/results/run_facts.h"
 
+#include <fmt/format.h>
+
 #include "harness/measure/measure.h"
 
 namespace raybench {
@@ -47,11 +49,14 @@ Json FactsOf(const RunOptions& options) {
   const bool whole_files = !options.ray_files.empty() && options.rays == 0;
   return {{"command_line", options.command_line},
           {"seed", options.seed},
-          {"quick", options.quick},
+          {"quick", options.suite.name == "quick"},
+          {"suite", {{"name", options.suite.name}, {"hash", options.suite.hash}}},
           {"rays_per_set", whole_files ? Json() : Json(options.RaysPerSet())},
           {"verified_per_set", options.RaysVerified()},
           {"depth", options.depth},
           {"memory_limit", options.memory_limit},
+          {"processes", options.processes},
+          {"shard", options.shards == 1 ? Json() : Json(fmt::format("{}/{}", options.shard, options.shards))},
           {"plugins", options.plugins}};
 }
 

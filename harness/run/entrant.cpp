@@ -52,6 +52,7 @@ Row Entrant::ValuesOf(const PlannedCase& c) const {
 }
 
 void Entrant::StoreSkipped(const ResultFolder& results) const {
+  if (foreign) return;
   for (const PlannedCase& c : cases) {
     if (c.skip.empty() || results.Has(c.key.Id())) continue;
     Row row;
@@ -64,6 +65,7 @@ void Entrant::StoreSkipped(const ResultFolder& results) const {
 void Entrant::Close(const ResultFolder& results, const std::string& status, const std::string& note) {
   StoreSkipped(results);
   for (const PlannedCase& c : cases) {
+    if (foreign) break;
     if (results.Has(c.key.Id())) continue;
     Row values = ValuesOf(c);
     values[column::status] = status;

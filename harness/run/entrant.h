@@ -27,6 +27,8 @@ struct PlannedCase {
 struct Entrant {
   const Contestant* contestant = nullptr;
   std::vector<PlannedCase> cases;            ///< builds first
+  bool foreign = false;                      ///< of another shard: nothing of it is stored
+  bool recalled = false;                     ///< the tree is the one that an earlier session judged
   bool too_slow = false;                     ///< for the larger ray sets, which are skipped
   Tree tree;                                 ///< the one that is judged and timed
   uint64_t tree_bytes = 0;                   ///< of nodes and copied primitives

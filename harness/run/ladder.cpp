@@ -45,17 +45,24 @@ uint32_t Ladder::ChooseStep(const Tree& tree, size_t set, uint32_t threads) {
   }
 }
 
-TimedTask Ladder::Task(const Tree& tree, const Part& part, Seconds& cold) {
+SamplePlan Ladder::Plan(const Tree& tree, const Part& part, Seconds& cold) {
+  const std::function<void()> pass = PassOver(tree, part);
+  cold = TimeOf(pass, part.threads);
+  const double shorter =
+      cold.wall < kLongPassSeconds ? std::min(cold.wall, TimeOf(pass, part.threads).wall) : cold.wall;
+  SamplePlan plan = PlanSamples(shorter, budget_);
+  plan.sample_cost = std::max(plan.sample_cost, min_time_);
+  return plan;
+}
+
+TimedTask Ladder::Task(const Tree& tree, const Part& part, const SamplePlan& plan) {
   TimedTask task;
   task.pass = PassOver(tree, part);
-  cold = TimeOf(task.pass, part.threads);
-  const double shorter =
-      cold.wall < kLongPassSeconds ? std::min(cold.wall, TimeOf(task.pass, part.threads).wall) : cold.wall;
-  const SamplePlan plan = PlanSamples(shorter, budget_);
   task.passes = plan.passes;
   task.warm_up = plan.warm_up;
   task.samples = plan.samples;
-  task.sample_cost = std::max(plan.sample_cost, min_time_);
+  task.sample_cost = plan.sample_cost;
+  task.parallel = part.threads > 1;
   return task;
 }
 

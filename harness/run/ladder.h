@@ -40,9 +40,10 @@ class Ladder {
   /// makes them longer.
   uint32_t ChooseStep(const Tree& tree, size_t set, uint32_t threads);
 
-  /// Passes of the tree over the part. The length of a sample follows from the shorter of the first two
-  /// passes; `cold` is the first one. The tree must outlive the task.
-  TimedTask Task(const Tree& tree, const Part& part, Seconds& cold);
+  /// The length of a sample follows from the shorter of the first two passes; `cold` is the first one.
+  SamplePlan Plan(const Tree& tree, const Part& part, Seconds& cold);
+  /// Passes of the tree over the part. The tree must outlive the task.
+  TimedTask Task(const Tree& tree, const Part& part, const SamplePlan& plan);
 
  private:
   std::function<void()> PassOver(const Tree& tree, const Part& part);

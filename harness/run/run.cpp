@@ -1,14 +1,18 @@
 #include "harness/run/run.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <malloc.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <filesystem>
 #include <map>
 #include <new>
 #include <set>
+#include <system_error>
 
+#include "accel/base/hash.h"
 #include "datasets/models/fetch.h"
 #include "datasets/scene/facts.h"
 #include "datasets/scene/needs.h"
@@ -38,6 +42,9 @@ namespace {
 /// to ask.
 constexpr uint64_t kProbeRays = 512, kLargestProbed = 300000;
 
+/// A run on smaller ray sets is over before its probe would have paid.
+constexpr uint64_t kProbedFrom = 1 << 14;
+
 /// Seconds that drawing the report takes, more or less.
 constexpr double kReportGuess = 12;
 
@@ -53,7 +60,7 @@ class Run {
         options_(options),
         engine_(options.benchmark_flags),
         budget_{options.Budget(), options.Repetitions(),
-                options.repetitions != 0 || engine_.min_time().has_value(), options.quick ? 1u : 3u},
+                options.repetitions != 0 || engine_.min_time().has_value(), options.suite.fewest_samples},
         memory_(options.memory_limit != 0 ? options.memory_limit : UsableMemory() / 2),
         schedule_(progress_) {}
 
@@ -63,7 +70,8 @@ class Run {
     // Big blocks come from fresh pages in every build, as in a process that builds once.
     mallopt(M_MMAP_THRESHOLD, 1 << 17);
     mallopt(M_TRIM_THRESHOLD, 1 << 17);
-    started_ = UtcTime("%Y-%m-%dT%H:%M:%SZ");
+    session_started_ = UtcTime("%Y-%m-%dT%H:%M:%SZ");
+    machine_["fingerprint"] = MachineFingerprint();
     bool interrupted = false;
     try {
       CheckFamilyNames("--sets", options_.sets, CapturedFamilies());
@@ -74,6 +82,7 @@ class Run {
       const std::string out =
           options_.out.empty() ? "results/" + UtcTime("%Y-%m-%dT%H-%M-%SZ") : options_.out;
       results_.emplace(out, options_.resume);
+      GoOnFromBefore();
       context_.emplace(RunContext{.registry = registry_,
                                   .options = options_,
                                   .engine = engine_,
@@ -83,15 +92,21 @@ class Run {
                                   .results = *results_,
                                   .progress = progress_,
                                   .schedule = schedule_,
-                                  .replays = !ray_files_.empty()});
+                                  .replays = !ray_files_.empty(),
+                                  .process = process_,
+                                  .scenes = scene_count_});
+      const std::vector<FinishedCase> there = results_->Cases();
+      for (SceneRecord& record : scenes_) Recollect(record, there);
       for (size_t i = 0; i < scenes_.size(); ++i) {
-        if (!options_.quick) Probe(i);
+        if (!scenes_[i].finished.is_null()) continue;
+        if (options_.RaysPerSet() > kProbedFrom) Probe(i);
         Expect(i);
       }
       if (options_.report) schedule_.PlanAtEnd(Work::kReport, kReportGuess);
       WriteRunJson(false);
-      for (size_t i = 0; i < scenes_.size(); ++i) {
-        SceneRun scene(*context_, scenes_[i], i);
+      for (SceneRecord& record : scenes_) {
+        if (!record.finished.is_null()) continue;
+        SceneRun scene(*context_, record);
         scene.Prepare();
         WriteRunJson(false);
         scene.Measure();
@@ -105,6 +120,7 @@ class Run {
       }
     }
     progress_.Clear();
+    if (!interrupted && !context_->LastProcess()) NextProcess();
     return Finish(interrupted);
   }
 
@@ -112,15 +128,22 @@ class Run {
   // ---- scenes ----
 
   void LoadScenes() {
-    std::vector<std::string> names = options_.scenes;
-    if (names.empty()) {
-      if (FetchDefaultModel()) names.push_back(kDefaultModel);
-      names.insert(names.end(), std::begin(kDefaultGenerators), std::end(kDefaultGenerators));
-    }
+    std::vector<std::string> names;
+    for (const std::string& name : options_.scenes)
+      if (options_.named_scenes || FetchModel(name)) names.push_back(name);
+    if (names.empty())
+      throw InputError(fmt::format("suite {}: none of its models can be had", options_.suite.name));
     std::set<std::string> seen;
     DistinctNames distinct;
-    for (const std::string& name : names) {
+    scene_count_ = names.size();
+    for (size_t index = 0; index < names.size(); ++index) {
+      const std::string& name = names[index];
       if (!seen.insert(name).second) throw InputError(fmt::format("scene '{}' is given twice", name));
+      const std::string stem = distinct(FileStem(name));
+      bool ours = !ray_files_.empty();  // which say themselves what scene they belong to
+      for (size_t c = 0; c < contestants_.size(); ++c)
+        ours = ours || Owns(options_, index, names.size(), c, contestants_.size());
+      if (!ours) continue;
       LoadOptions load;
       load.seed = options_.seed;
       load.drop_bad = options_.drop_bad;
@@ -129,7 +152,8 @@ class Run {
       record.scene = LoadWithProgress(name, load);
       const Scene& scene = record.scene;
       if (scene.primitive_count() == 0) throw InputError(fmt::format("scene '{}' has no primitives", name));
-      record.stem = distinct(FileStem(name));
+      record.index = index;
+      record.stem = stem;
       record.notes = Json(scene.stats.notes);
       const SceneNeeds needs = NeedsOf(scene);
       record.build_needs = needs.BuildNeeds() | kCheckedNeeds;
@@ -142,21 +166,29 @@ class Run {
               : fmt::format("; {} degenerate triangles left out", scene.stats.degenerate_triangles)));
       for (const std::string& note : scene.stats.notes) progress_.Say(fmt::format("{}: {}", name, note));
     }
+    if (scenes_.empty())
+      throw InputError(fmt::format("--shard {}/{}: there are only {} pairs of scene and structure",
+                                   options_.shard, options_.shards, names.size() * contestants_.size()));
   }
 
-  bool FetchDefaultModel() {
-    try {
-      const ManifestEntry entry = FindManifestEntry(kDefaultModel);
-      if (!IsFetched(entry)) Fetch(entry, [&](const std::string& line) { progress_.Say(line); });
-      return true;
-    } catch (const InputError& error) {
-      ThrowIfInterrupted();
-      Warn(fmt::format(
-          "the real model '{}' cannot be had, so the run goes on without it and ends inconclusive (3): {}",
-          kDefaultModel, error.what()));
-      inconclusive_ = true;
-      return false;
+  /// A model of a suite is fetched where it is not there; false: it cannot be had.
+  bool FetchModel(const std::string& name) {
+    for (const ManifestEntry& entry : Manifest()) {
+      if (entry.name != name || IsFetched(entry)) continue;
+      try {
+        Fetch(entry, [&](const std::string& line) { progress_.Say(line); });
+      } catch (const InputError& error) {
+        ThrowIfInterrupted();
+        // Else shards would not be of the same whole.
+        if (options_.shards > 1) throw;
+        Warn(fmt::format(
+            "the real model '{}' cannot be had, so the run goes on without it and ends inconclusive (3): {}",
+            name, error.what()));
+        inconclusive_ = true;
+        return false;
+      }
     }
+    return true;
   }
 
   void Warn(const std::string& text) {
@@ -176,12 +208,123 @@ class Run {
     }
   }
 
+  // ---- going on ----
+
+  /// Which session and process of --processes this is.
+  void GoOnFromBefore() {
+    before_ = results_->PreviousRun();
+    if (before_.is_null()) return;
+    const Json build = BuildFacts();
+    if (before_.contains("build") && before_.at("build") != build)
+      throw InputError(
+          fmt::format("{}: begun by {}, and this is {}; results of two builds are kept apart: "
+                      "choose another --out",
+                      results_->path().string(), BuildName(before_.at("build")), BuildName(build)));
+    if (!before_.contains("sessions") || before_.at("sessions").empty()) return;
+    const Json& last = before_.at("sessions").back();
+    session_ = before_.at("sessions").size();
+    process_ = last.value("process", 0u);
+    if (last.value("done", false)) ++process_;
+    process_ %= options_.processes;
+  }
+
+  static std::string BuildName(const Json& build) {
+    std::vector<std::string> facts;
+    for (const Json& fact : build)
+      if (fact.is_string()) facts.push_back(fact.get<std::string>());
+    return fmt::format("raybench {}", fmt::join(facts, ", "));
+  }
+
+  /// What the samples of a scene, and what is known besides, depend on.
+  Json DependsOn(const SceneRecord& record) const {
+    Json plugins = Json::array();
+    for (const std::string& plugin : options_.plugins) {
+      std::error_code error;
+      plugins.push_back({plugin, fs::file_size(plugin, error),
+                         fs::last_write_time(plugin, error).time_since_epoch().count()});
+    }
+    Json depends = FactsOf(options_);
+    for (const char* key : {"command_line", "plugins", "processes", "shard", "quick", "suite"})
+      depends.erase(key);
+    depends["heat_pixels"] = options_.suite.heat_pixels;
+    depends["tree_samples"] = options_.suite.tree_samples;
+    depends["linear_tests"] = options_.suite.linear_tests;
+    return {{"build", BuildFacts()},
+            {"machine", MachineFingerprint()},
+            {"scene", record.scene.hash()},
+            {"options", depends},
+            {"repetitions", options_.Repetitions()},
+            {"budget", options_.Budget()},
+            {"min_time", engine_.min_time().value_or(0)},
+            {"plugins", plugins}};
+  }
+
+  /// Names the plan of a scene: if it is the same, and all cases are there, nothing is left to do.
+  std::string PlanName(const SceneRecord& record) const {
+    Hash64 hash;
+    hash.Add(std::string_view(Dump(DependsOn(record))));
+    hash.Add(std::string_view(Dump(FactsOf(options_).at("shard"))));
+    for (const Contestant& c : contestants_) hash.Add(std::string_view(c.Spec() + c.Params()));
+    for (const auto& threads : {context_->BuildThreads(), context_->QueryThreads()})
+      for (uint32_t t : threads) hash.AddValue(uint64_t{t});
+    for (const std::string& set : options_.sets) hash.Add(std::string_view(set));
+    hash.AddValue(uint64_t{options_.shuffled});
+    hash.Add(std::string_view(engine_.filter()));
+    return hash.Hex();
+  }
+
+  /// Finds out what earlier sessions know of a scene.
+  void Recollect(SceneRecord& record, const std::vector<FinishedCase>& cases) {
+    record.recall = std::make_unique<Recall>(results_->path() / "journal" / (record.stem + ".jsonl"),
+                                             DependsOn(record), session_, process_);
+    const Journal& journal = record.recall->journal();
+    if (journal.dropped())
+      progress_.Say(
+          fmt::format("{}: begun otherwise (machine, options, scene or plugin): unfinished cases are "
+                      "measured anew",
+                      record.name));
+    if (journal.samples() > 0)
+      progress_.Say(fmt::format("{}: {} samples are kept", record.name, journal.samples()));
+    if (before_.is_null()) return;
+    for (const Json& scene : before_.at("scenes")) {
+      if (scene.value("scene", "") != record.name || scene.value("hash", "") != record.scene.hash()) continue;
+      for (const Json& note : scene.at("notes"))
+        if (std::find(record.notes.begin(), record.notes.end(), note) == record.notes.end())
+          record.notes.push_back(note);
+      const auto there = uint64_t(std::count_if(cases.begin(), cases.end(), [&](const FinishedCase& c) {
+        return c.row.Get(column::scene) == record.name &&
+               c.row.Get(column::scene_hash) == record.scene.hash();
+      }));
+      if (context_->replays || there == 0 || there != scene.value("cases", uint64_t{0}) ||
+          scene.value("plan", "") != PlanName(record))
+        continue;
+      record.finished = scene;
+      progress_.Say(fmt::format("{}: all {} cases are there already", record.name, there));
+    }
+  }
+
+  /// Another process of --processes takes over: the same command in a fresh address space.
+  [[noreturn]] void NextProcess() {
+    WriteRunJson(true);
+    progress_.Say(fmt::format("process {} of {} is done", process_ + 1, options_.processes));
+    std::vector<std::string> words = options_.command_line;
+    if (!options_.resume) words.push_back("--resume");
+    if (options_.out.empty()) words.insert(words.end(), {"--out", results_->path().string()});
+    std::vector<char*> argv;
+    for (std::string& word : words) argv.push_back(word.data());
+    argv.push_back(nullptr);
+    std::fflush(nullptr);
+    execv("/proc/self/exe", argv.data());
+    throw InputError(fmt::format("process {} of {} cannot be started: {}", process_ + 2, options_.processes,
+                                 std::generic_category().message(errno)));
+  }
+
   // ---- what is left ----
 
   /// Learns the costs on a scene of all structures that are not linear, so that slow ones are known before
   /// later scenes.
   void Probe(size_t index) {
-    const SceneRecord& record = scenes_[index];
+    SceneRecord& record = scenes_[index];
     const Scene& scene = record.scene;
     if (scene.primitive_count() > kLargestProbed) return;
     std::vector<rb_ray> rays = RandomRays(scene, kProbeRays / 2, options_.seed).rays;
@@ -192,6 +335,7 @@ class Run {
     Answers answers(rays.size());
     for (const Contestant& contestant : contestants_) {
       const rb_structure& structure = *contestant.structure;
+      if (record.recall->HasPrice(contestant.Spec()) || !context_->Owns(record.index, contestant)) continue;
       if (!WhyNotTaken(structure, scene).empty() || (structure.capabilities & RB_LINEAR) != 0) continue;
       ThrowIfInterrupted();
       rb_build_options build = BuildOptions(AllThreads(), options_.seed, record.build_needs);
@@ -201,8 +345,8 @@ class Run {
         const Tree tree(contestant, scene.Geometry(), build);
         const double built = progress_.Elapsed();
         Ask(tree, question, answers, 1);
-        prices_[{index, contestant.Spec()}] = {built - begin,
-                                               (progress_.Elapsed() - built) / double(rays.size())};
+        record.recall->AddPrice(contestant.Spec(), built - begin,
+                                (progress_.Elapsed() - built) / double(rays.size()));
       } catch (const BuildError&) {
         ThrowIfInterrupted();  // what cannot be built is skipped, with the reason, when its turn comes
       } catch (const std::bad_alloc&) {
@@ -222,8 +366,9 @@ class Run {
   /// probe measured; what is measured later corrects them.
   void Expect(size_t index) {
     const auto plan = [&](Work work, const std::string& who, double guess) {
-      schedule_.Plan(index, work, who, guess);
+      schedule_.Plan(scenes_[index].index, work, who, guess);
     };
+    const Recall& recall = *scenes_[index].recall;
     const double sets = UsualSets(scenes_[index]), rays = double(options_.RaysPerSet());
     const double primitives = double(scenes_[index].scene.primitive_count()), threads = AllThreads();
     const double pixels = double(context_->HeatSide()) * context_->HeatSide();
@@ -231,8 +376,9 @@ class Run {
     plan(Work::kTruth, "", 5e-6 * primitives + 30e-6 * double(options_.RaysVerified()) * sets / threads);
     for (const Contestant& contestant : contestants_) {
       const std::string spec = contestant.Spec();
-      const auto probed = prices_.find({index, spec});
-      const Price price = probed != prices_.end() ? probed->second : Price{3e-6 * primitives / threads, 1e-6};
+      if (!context_->Owns(scenes_[index].index, contestant)) continue;
+      const Price price = recall.HasPrice(spec) ? Price{recall.PriceOfBuild(spec), recall.PriceOfRay(spec)}
+                                                : Price{3e-6 * primitives / threads, 1e-6};
       const double cases = sets * double(context_->QueryThreads().size());
       double builds = 0;
       for (uint32_t t : context_->BuildThreads()) {
@@ -258,23 +404,40 @@ class Run {
       facts.update(FactsOf(record.scene));
       facts["needs"] = record.needs;
       facts["image"] = context_->replays ? Json() : Json("images/" + record.stem + ".png");
-      facts["oracle"] = record.oracle;
-      facts["anchor"] = record.anchor;
-      facts["ray_sets"] = record.ray_sets;
+      const Json& known = record.finished;
+      facts["oracle"] = known.is_null() ? record.oracle : known.at("oracle");
+      facts["anchor"] = known.is_null() ? record.anchor : known.at("anchor");
+      facts["ray_sets"] = known.is_null() ? record.ray_sets : known.at("ray_sets");
       facts["notes"] = record.notes;
+      facts["cases"] = known.is_null() ? Json(record.cases) : known.at("cases");
+      facts["plan"] = PlanName(record);
       scenes.push_back(std::move(facts));
     }
     Json structures = Json::array();
     for (const Contestant& c : contestants_) structures.push_back(FactsOf(c, registry_));
+    const std::string now = UtcTime("%Y-%m-%dT%H:%M:%SZ");
+    Json sessions = before_.is_null() ? Json::array() : before_.value("sessions", Json::array());
+    sessions.push_back({{"started", session_started_},
+                        {"ended", finished ? Json(now) : Json()},
+                        {"process", process_},
+                        {"done", finished && !interrupted},
+                        {"machine", MachineFingerprint()},
+                        {"command_line", options_.command_line}});
     Json run;
-    run["started"] = started_;
-    run["ended"] = finished ? Json(UtcTime("%Y-%m-%dT%H:%M:%SZ")) : Json();
+    run["started"] = sessions.front().at("started");
+    run["ended"] = finished && context_->LastProcess() ? Json(now) : Json();
     run["interrupted"] = interrupted;
     run["finished_cases"] = finished_cases;
-    run["seconds"] = progress_.Elapsed();
+    const auto earlier = [&](const Json& from, const char* key) {
+      return from.is_object() ? from.value(key, 0.0) : 0;
+    };
+    run["seconds"] = earlier(before_, "seconds") + progress_.Elapsed();
+    const Json phases = before_.is_object() ? before_.value("phases", Json()) : Json();
     for (Work work = Work::kCapture; work != Work::kReport; work = Work(int(work) + 1))
-      run["phases"][WorkName(work)] = schedule_.Spent(work);
+      run["phases"][WorkName(work)] = earlier(phases, WorkName(work)) + schedule_.Spent(work);
     run.update(FactsOf(options_));
+    run["command_line"] = sessions.front().at("command_line");
+    run["sessions"] = sessions;
     run["build_threads"] = context_->BuildThreads();
     run["query_threads"] = context_->QueryThreads();
     run["memory_for_trees"] = memory_;
@@ -286,6 +449,13 @@ class Run {
     run["scenes"] = scenes;
     run["warnings"] = warnings_;
     results_->WriteRunJson(run);
+  }
+
+  uint64_t UnfinishedSamples() const {
+    uint64_t samples = 0;
+    for (const SceneRecord& record : scenes_)
+      if (record.recall) samples += record.recall->journal().samples();
+    return samples;
   }
 
   int Finish(bool interrupted) {
@@ -313,8 +483,10 @@ class Run {
     std::fflush(stdout);
     if (interrupted) {
       progress_.Say(fmt::format(
-          "interrupted: {} finished cases are kept; the same command with --out {} --resume continues",
-          cases.size(), folder));
+          "interrupted: {} finished cases are kept, and {} samples of unfinished scenes; the same command "
+          "with --out {} --resume "
+          "continues",
+          cases.size(), UnfinishedSamples(), folder));
       return 130;
     }
     if (options_.report) {
@@ -350,13 +522,17 @@ class Run {
   std::vector<Contestant> contestants_;
   std::vector<SceneRecord> scenes_;
   std::vector<std::string> ray_files_;
-  std::map<std::pair<size_t, std::string>, Price> prices_;  ///< by scene and structure
   std::optional<ResultFolder> results_;
   std::optional<RunContext> context_;  ///< since there are results
   std::vector<std::string> warnings_;
-  std::string started_;
+  std::string session_started_;
+  Json before_;             ///< run.json of the session before; null: this is the first
+  size_t scene_count_ = 0;  ///< of all shards
+  uint64_t session_ = 0;
+  uint32_t process_ = 0;  ///< of --processes
   bool inconclusive_ = false;
-  const Json machine_ = MachineFacts(), libraries_ = LibraryFacts();
+  Json machine_ = MachineFacts();
+  const Json libraries_ = LibraryFacts();
 };
 
 }  // namespace

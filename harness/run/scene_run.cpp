@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <new>
-#include <tuple>
 
 #include "datasets/scene/needs.h"
 #include "harness/judge/bound_tightness.h"
@@ -14,7 +13,6 @@
 #include "harness/judge/tree_statistics.h"
 #include "harness/judge/truth_cache.h"
 #include "harness/measure/machine.h"
-#include "harness/measure/statistics.h"
 #include "harness/plan/build_options.h"
 #include "harness/results/heat_files.h"
 #include "harness/terminal/interrupt.h"
@@ -25,38 +23,22 @@
 namespace raybench {
 namespace {
 
-/// A linear structure (RB_LINEAR) is left out where one pass would test more primitives than this, about half
-/// a second; in a quick run a quarter of that.
-constexpr double kLinearBudget = 0x1p25;
-
-/// Triangles whose overlap with strange nodes is measured, and lines that meet bounds; also of a quick run.
-constexpr uint64_t kTreeSamples = 1 << 14, kQuickTreeSamples = 1 << 12;
-
-/// Pixels across the heat maps of the report, and of a quick run's.
-constexpr uint32_t kHeatSide = 256, kQuickHeatSide = 128;
-
 constexpr const char* kAllInvalid = "all rays of the set are invalid";
 
-std::vector<double> TimesOf(const Measurement& samples, uint32_t threads) {
-  std::vector<double> times;
-  for (const Sample& s : samples) times.push_back(threads == 1 ? s.time.cpu : s.time.wall);
-  return times;
-}
-
-void AddTimes(Row& values, const Case& key, const Measurement& samples) {
-  const MedianInterval interval = MedianOf(TimesOf(samples, key.threads));
-  const uint64_t rays = key.IsBuild() ? 0 : *values.Get(column::timed_rays);
-  const double to_ns = key.IsBuild() ? 1e9 : 1e9 / double(rays);
-  const uint64_t items = key.IsBuild() ? key.primitives : rays;
-  values[column::status] = "timed";
-  values[column::samples] = samples.size();
-  values[column::median_ns] = interval.median * to_ns;
-  if (interval.lo) values[column::lo_ns] = *interval.lo * to_ns;
-  if (interval.hi) values[column::hi_ns] = *interval.hi * to_ns;
-  if (interval.median > 0) values[column::rate] = double(items) / interval.median;
+/// Whether a tree that was built again is the one that an earlier session judged, as far as that can be told
+/// without judging it again: structures promise it, or on one thread leave no choice.
+bool SameTree(const Row& known, const Row& now, const Tree& tree, uint32_t threads) {
+  return ((tree.structure().capabilities & RB_DETERMINISTIC) != 0 || threads == 1) &&
+         known.Get(column::claim) == now.Get(column::claim) &&
+         known.Get(column::node_bytes) == now.Get(column::node_bytes) &&
+         known.Get(column::prim_bytes) == now.Get(column::prim_bytes);
 }
 
 }  // namespace
+
+bool RunContext::Owns(size_t scene, const Contestant& contestant) const {
+  return raybench::Owns(options, scene, scenes, size_t(&contestant - contestants.data()), contestants.size());
+}
 
 std::vector<uint32_t> RunContext::BuildThreads() const {
   if (!options.threads.empty()) return options.threads;
@@ -67,21 +49,25 @@ std::vector<uint32_t> RunContext::QueryThreads() const {
   return options.threads.empty() ? std::vector<uint32_t>{1} : options.threads;
 }
 
-uint32_t RunContext::HeatSide() const { return options.quick ? kQuickHeatSide : kHeatSide; }
+uint32_t RunContext::HeatSide() const { return options.suite.heat_pixels; }
 
-SceneRun::SceneRun(RunContext& context, SceneRecord& record, size_t index)
+SceneRun::SceneRun(RunContext& context, SceneRecord& record)
     : context_(context),
       options_(context.options),
       schedule_(context.schedule),
       record_(record),
-      index_(index),
+      recall_(*record.recall),
       geometry_(record.scene.Geometry()) {
-  schedule_.Enter(index, record.name);
+  const bool several = options_.processes > 1;
+  schedule_.Enter(record.index, several ? fmt::format("process {} of {}, {}", context.process + 1,
+                                                      options_.processes, record.name)
+                                        : record.name);
 }
 
 void SceneRun::Note(const std::string& text) {
   context_.progress.Say(fmt::format("{}: {}", record_.name, text));
-  record_.notes.push_back(text);
+  if (std::find(record_.notes.begin(), record_.notes.end(), text) == record_.notes.end())
+    record_.notes.push_back(text);
 }
 
 void SceneRun::Prepare() {
@@ -93,11 +79,13 @@ void SceneRun::Prepare() {
                        s.set.rays.size()));
   }
   for (const Contestant& contestant : context_.contestants) entrants_.push_back(PlanEntrant(contestant));
+  record_.cases = plan_size_;
   if (std::all_of(entrants_.begin(), entrants_.end(),
-                  [&](const Entrant& e) { return e.AllDone(context_.results); })) {
+                  [&](const Entrant& e) { return e.foreign || e.AllDone(context_.results); })) {
     context_.progress.Say(fmt::format("{}: all {} cases are there already", record_.name, plan_size_));
     entrants_.clear();
   } else {
+    ReckonWithKnown();
     AskForTruth();
   }
   for (const PreparedSet& s : sets_) {
@@ -107,8 +95,35 @@ void SceneRun::Prepare() {
   }
 }
 
+/// The time left is of what earlier sessions have not done.
+void SceneRun::ReckonWithKnown() {
+  for (const Entrant& entrant : entrants_) {
+    const std::string spec = entrant.Spec();
+    double samples = 0, missing = 0, unplanned = 0, unchecked = 0, sets = 0;
+    for (const PlannedCase& c : entrant.cases) {
+      if (!c.skip.empty() || Done(c) || entrant.foreign) continue;
+      const std::optional<KeptPlan> plan = recall_.Plan(c.key.Id());
+      const uint32_t wanted = plan ? plan->samples.samples : options_.Repetitions();
+      samples += wanted;
+      missing += plan ? recall_.Missing(c.key.Id(), *plan) : wanted;
+      if (c.key.IsBuild()) continue;
+      unplanned += plan ? 0 : 1;
+      unchecked += recall_.IsChecked(entrant, sets_[c.set]) ? 0 : 1;
+      ++sets;
+    }
+    const auto scale = [&](Work work, double left, double whole) {
+      schedule_.Scale(record_.index, work, spec, whole > 0 ? left / whole : 0);
+    };
+    scale(Work::kTiming, missing, samples);
+    scale(Work::kFirstPasses, unplanned, sets);
+    scale(Work::kCheck, unchecked, sets);
+    scale(Work::kTree, recall_.IsRead(entrant) ? 0 : 1, 1);
+  }
+}
+
 void SceneRun::Measure() {
   if (!entrants_.empty()) {
+    recall_.journal().Begin();
     size_t most = 0;
     for (const PreparedSet& s : sets_) most = std::max(most, s.set.rays.size());
     answers_.emplace(most);
@@ -121,7 +136,8 @@ void SceneRun::Measure() {
     TimeGroup();
   }
   schedule_.End();
-  schedule_.Forget(index_);
+  schedule_.Forget(record_.index);
+  if (context_.LastProcess()) recall_.journal().Remove();
 }
 
 // ---- rays, plan, truth ----
@@ -143,9 +159,10 @@ std::vector<SourcedSet> SceneRun::CaptureSets() {
 }
 
 Entrant SceneRun::PlanEntrant(const Contestant& contestant) {
-  const double budget = options_.quick ? kLinearBudget / 4 : kLinearBudget;
+  const double budget = double(options_.suite.linear_tests);
   Entrant entrant;
   entrant.contestant = &contestant;
+  entrant.foreign = !context_.Owns(record_.index, contestant);
   Case key;
   key.scene = record_.name;
   key.scene_hash = scene().hash();
@@ -159,7 +176,8 @@ Entrant SceneRun::PlanEntrant(const Contestant& contestant) {
     entrant.cases.push_back({c, set, why});
     // Scenes are planned one after the other, and ray sets known only then; so the place is (scene,
     // place within).
-    entrant.cases.back().key.plan_index = (uint64_t{index_} << 32) + plan_size_++;
+    entrant.cases.back().key.plan_index = (uint64_t{record_.index} << 32) + plan_place_++;
+    if (!entrant.foreign) ++plan_size_;
   };
   for (uint32_t threads : context_.BuildThreads()) {
     key.threads = threads;
@@ -188,7 +206,7 @@ Entrant SceneRun::PlanEntrant(const Contestant& contestant) {
   const auto tells = [&](const PlannedCase& c) { return is_skipped(c) && c.skip != kAllInvalid; };
   const bool all = std::all_of(queries, entrant.cases.end(), is_skipped);
   auto skipped = std::find_if(queries, entrant.cases.end(), tells);
-  if (skipped != entrant.cases.end())
+  if (skipped != entrant.cases.end() && !entrant.foreign)
     Note(fmt::format("{} is skipped{}: {}", key.spec, all ? "" : " on large ray sets", skipped->skip));
   // A tree that answers no set gets no verdict, and without a verdict no time either.
   if (all) {
@@ -221,32 +239,81 @@ void SceneRun::AskForTruth() {
 
 // ---- building and judging ----
 
+/// Whether something of it must be timed in this session.
+bool SceneRun::IsOpen(const PlannedCase& c) const {
+  if (!c.skip.empty() || Done(c)) return false;
+  const std::optional<KeptPlan> plan = recall_.Plan(c.key.Id());
+  return !plan || recall_.Missing(c.key.Id(), *plan) > 0;
+}
+
+bool SceneRun::IsOpen(const Entrant& entrant) const {
+  return !entrant.foreign && std::any_of(entrant.cases.begin(), entrant.cases.end(),
+                                         [&](const PlannedCase& c) { return IsOpen(c); });
+}
+
+/// Whether all its samples are there and only its row is not.
+bool SceneRun::IsSampled(const PlannedCase& c) const { return c.skip.empty() && !Done(c) && !IsOpen(c); }
+
+/// Whether a case of it has all its samples, and none of the anchor beside them.
+bool SceneRun::LacksAnchor(const Entrant& entrant) const {
+  return &entrant != anchor_ &&
+         std::any_of(entrant.cases.begin(), entrant.cases.end(),
+                     [&](const PlannedCase& c) { return IsSampled(c) && LacksAnchor(c); });
+}
+
+/// Can be the anchor of the others though nothing of it is left to do: it has times.
+bool SceneRun::WasTimed(const Entrant& entrant) const {
+  return std::any_of(entrant.cases.begin(), entrant.cases.end(), [&](const PlannedCase& c) {
+    return !c.key.IsBuild() && (IsSampled(c) || context_.results.IsTimed(c.key.Id()));
+  });
+}
+
 /// Builds, judges and counts one structure and puts it into the group that is timed together. The group
 /// before is timed first, and its trees given back, where there is no room beside it.
 void SceneRun::Enter(Entrant& entrant) {
   const std::string spec = entrant.Spec();
-  const bool done = entrant.AllDone(context_.results);
   const bool anchors = anchor_ == nullptr && !entrant.Is("null");
-  const bool nothing_to_do = std::all_of(entrant.cases.begin(), entrant.cases.end(),
-                                         [&](const PlannedCase& c) { return !c.skip.empty() || Done(c); });
-  // In a resumed run, a structure that is already timed can still be the anchor of the others.
-  const bool was_timed = std::any_of(entrant.cases.begin(), entrant.cases.end(), [&](const PlannedCase& c) {
-    return !c.key.IsBuild() && context_.results.IsTimed(c.key.Id());
-  });
-  if (nothing_to_do && !(anchors && was_timed)) {
-    if (!done) entrant.Close(context_.results, "skipped", "");
-    schedule_.Forget(index_, &spec);
-    return;
+  const bool open = IsOpen(entrant);
+  Remember(entrant);
+  // Of another shard, and here only because something must be the anchor.
+  if (entrant.foreign) {
+    const bool all_skipped = std::all_of(entrant.cases.begin(), entrant.cases.end(),
+                                         [](const PlannedCase& c) { return !c.skip.empty(); });
+    if (anchors && !all_skipped && BuildInGroup(entrant) && Judge(entrant)) anchor_ = &entrant;
+    return schedule_.Forget(record_.index, &spec);
   }
-  if (!BuildInGroup(entrant)) return schedule_.Forget(index_, &spec);
-  if (nothing_to_do) {
-    anchor_ = &entrant;
-    if (!done) entrant.StoreSkipped(context_.results);
-    return schedule_.Forget(index_, &spec);
+  if (!open) {
+    entrant.StoreSkipped(context_.results);
+    if (anchors && WasTimed(entrant)) {
+      anchor_ = &entrant;
+      if (std::any_of(entrants_.begin(), entrants_.end(),
+                      [&](const Entrant& e) { return IsOpen(e) || LacksAnchor(e); }))
+        BuildInGroup(entrant);
+    }
+    for (const PlannedCase& c : entrant.cases)
+      if (IsSampled(c)) sampled_.push_back({&entrant, &c});
+    return schedule_.Forget(record_.index, &spec);
   }
-  if (!Judge(entrant)) return schedule_.Forget(index_, &spec);
+  if (group_.size() >= GroupLimit()) TimeGroup();
+  if (!BuildInGroup(entrant) || !Judge(entrant)) return schedule_.Forget(record_.index, &spec);
   if (anchors) anchor_ = &entrant;
   group_.push_back(&entrant);
+}
+
+/// How many trees are built before they are timed: half as many for each session before that got nowhere, so
+/// that one gets somewhere as soon as set-up and one pass fit into it.
+size_t SceneRun::GroupLimit() const {
+  const uint64_t fruitless = std::min<uint64_t>(recall_.journal().FruitlessSessions(), 63);
+  return std::max<size_t>(1, entrants_.size() >> fruitless);
+}
+
+/// What earlier sessions found out about it.
+void SceneRun::Remember(Entrant& entrant) {
+  for (uint32_t threads : context_.BuildThreads()) recall_.Build(entrant, threads);
+  entrant.set_values.assign(sets_.size(), Row());
+  if (entrant.build_values.size() < context_.BuildThreads().size()) return;
+  if (!recall_.Tree(entrant)) return;
+  for (size_t i = 0; i < sets_.size(); ++i) recall_.Check(entrant, i, sets_[i]);
 }
 
 /// Bytes of the trees that are held.
@@ -293,32 +360,37 @@ void SceneRun::BuildAll(Entrant& entrant) {
   schedule_.Begin(Work::kBuild, spec, "building " + spec);
   const uint64_t held = Held();
   entrant.build_limit = context_.memory > held ? context_.memory - held : 1;
-  entrant.build_bytes = 0;
   std::vector<uint32_t> counts = context_.BuildThreads();
   std::reverse(counts.begin(), counts.end());  // the first one's is kept, and never two at once
   for (uint32_t threads : counts) {
-    const bool kept = threads == counts.back();
+    const bool kept = threads == counts.back(), known = entrant.build_values.contains(threads);
+    if (known && !kept) continue;
     malloc_trim(0);
     const bool has_peak = ResetPeakMemory();
     const uint64_t before = ResidentMemory();
     Seconds seconds;
     Tree tree = TimedBuild(entrant, threads, seconds);
     const uint64_t peak = PeakMemory();
-    Row& values = entrant.build_values[threads];
-    values[column::claim] = ClaimName(tree.Claims());
-    if (has_peak) values[column::build_peak_bytes] = peak > before ? peak - before : 0;
-    values[column::cold_ns] = (threads == 1 ? seconds.cpu : seconds.wall) * 1e9;
-    entrant.build_seconds[threads] = seconds.wall;
     uint64_t nodes = 0, prims = 0;
     int needs_geometry = 0;
     tree.structure().memory(tree.get(), &nodes, &prims, &needs_geometry);
-    entrant.build_bytes =
-        std::max({entrant.build_bytes, nodes + prims, has_peak && peak > before ? peak - before : 0});
+    Row values;
+    values[column::claim] = ClaimName(tree.Claims());
+    if (has_peak) values[column::build_peak_bytes] = peak > before ? peak - before : 0;
+    values[column::cold_ns] = (threads == 1 ? seconds.cpu : seconds.wall) * 1e9;
     // Without the promise of the same tree at any thread count, its figures would change from run to run.
     if (kept || (tree.structure().capabilities & RB_DETERMINISTIC) != 0) {
       values[column::node_bytes] = nodes;
       values[column::prim_bytes] = prims;
       values[column::needs_geometry] = needs_geometry != 0;
+    }
+    entrant.recalled = known && SameTree(entrant.build_values.at(threads), values, tree, threads);
+    if (!entrant.recalled) {
+      entrant.build_seconds[threads] = seconds.wall;
+      entrant.build_values[threads] = std::move(values);
+      entrant.build_bytes =
+          std::max({entrant.build_bytes, nodes + prims, has_peak && peak > before ? peak - before : 0});
+      recall_.AddBuild(entrant, threads);
     }
     if (!kept) continue;
     entrant.tree_bytes = nodes + prims;
@@ -336,25 +408,36 @@ Tree SceneRun::TimedBuild(const Entrant& entrant, uint32_t threads, Seconds& sec
   return tree;
 }
 
-/// Judges and counts. If the tree does not stand, which is what false says, all cases are closed.
+/// Judges and counts, but for what an earlier session found out about the same tree. If it does not stand,
+/// which is what false says, all cases are closed.
 bool SceneRun::Judge(Entrant& entrant) {
   const std::string spec = entrant.Spec();
   schedule_.Begin(Work::kTree, spec, "reading " + spec);
-  std::string flaw;
-  if (const auto statistics = ReadTree(entrant.tree, geometry_)) {
-    flaw = statistics->flaw;
-    const uint64_t samples = options_.quick ? kQuickTreeSamples : kTreeSamples;
-    entrant.SetTreeValues(*statistics, EndPointOverlap(entrant.tree, geometry_, samples, options_.seed),
-                          BoundTightness(entrant.tree, geometry_, samples, options_.seed));
+  std::optional<std::string> known;
+  if (entrant.recalled) known = recall_.Tree(entrant);
+  std::string flaw = known.value_or("");
+  if (!known) {
+    if (const auto statistics = ReadTree(entrant.tree, geometry_)) {
+      flaw = statistics->flaw;
+      const uint64_t samples = options_.suite.tree_samples;
+      entrant.SetTreeValues(*statistics, EndPointOverlap(entrant.tree, geometry_, samples, options_.seed),
+                            BoundTightness(entrant.tree, geometry_, samples, options_.seed));
+    }
+    recall_.AddTree(entrant, flaw);
   }
   schedule_.Begin(Work::kCheck, spec, "checking " + spec);
-  entrant.set_values.assign(sets_.size(), Row());
   for (size_t i = 0; i < sets_.size(); ++i) {
     if (!entrant.Answers(i)) continue;
     ThrowIfInterrupted();
-    const std::string broken =
-        CheckAnswers(entrant.tree, *oracle_, scene(), sets_[i], entrant.set_values[i], *answers_, *counted_);
-    if (!broken.empty() && flaw.empty()) flaw = fmt::format("{}: {}", sets_[i].set.Label(), broken);
+    known = std::nullopt;
+    if (entrant.recalled) known = recall_.Check(entrant, i, sets_[i]);
+    if (!known) {
+      entrant.set_values[i] = Row();
+      known = CheckAnswers(entrant.tree, *oracle_, scene(), sets_[i], entrant.set_values[i], *answers_,
+                           *counted_);
+      recall_.AddCheck(entrant, i, sets_[i], *known);
+    }
+    if (!known->empty() && flaw.empty()) flaw = fmt::format("{}: {}", sets_[i].set.Label(), *known);
     schedule_.Update(double(i + 1) / double(sets_.size()));
   }
   if (!flaw.empty()) {
@@ -363,7 +446,7 @@ bool SceneRun::Judge(Entrant& entrant) {
     return false;
   }
   schedule_.Begin(Work::kHeat, spec, "heat map of " + spec);
-  CountPixels(entrant);
+  if (!entrant.foreign) CountPixels(entrant);
   return true;
 }
 
@@ -380,134 +463,6 @@ void SceneRun::CountPixels(const Entrant& entrant) const {
   HeatOptions heat;
   heat.width = heat.height = context_.HeatSide();
   files.Add(spec, CountPerPixel(scene(), entrant.tree, heat));
-}
-
-// ---- times ----
-
-struct SceneRun::Open {
-  Entrant* entrant;
-  const PlannedCase* planned;
-  Row values;
-  Part part = {};
-};
-
-/// The cases of the group that are to be timed. Neighbours are of different trees, so that each finds its
-/// nodes out of the caches.
-std::vector<SceneRun::Open> SceneRun::OpenCases() {
-  std::vector<Open> open;
-  for (Entrant* entrant : group_) {
-    entrant->StoreSkipped(context_.results);
-    for (const PlannedCase& c : entrant->cases) {
-      if (!c.skip.empty() || Done(c)) continue;
-      Row values = entrant->ValuesOf(c);
-      ++context_.seen;
-      context_.last_name = c.Name();
-      if (context_.engine.Takes(c.Name())) {
-        ++context_.taken;
-        open.push_back({entrant, &c, std::move(values)});
-      } else {
-        values[column::status] = "skipped";
-        values[column::note] = "left out by --benchmark_filter";
-        context_.results.Store(c.key, values, {});
-      }
-    }
-  }
-  std::stable_sort(open.begin(), open.end(), [](const Open& a, const Open& b) {
-    const auto key = [](const Open& o) {
-      return std::tuple(!o.planned->key.IsBuild(), o.planned->set, o.planned->key.threads);
-    };
-    return key(a) < key(b);
-  });
-  return open;
-}
-
-TimedTask SceneRun::BuildTask(const Open& open) {
-  TimedTask task;
-  const uint32_t threads = open.planned->key.threads;
-  task.build = [this, entrant = open.entrant, threads] {
-    malloc_trim(0);
-    Seconds seconds;
-    TimedBuild(*entrant, threads, seconds);
-    return seconds;
-  };
-  task.sample_cost = open.entrant->build_seconds.at(threads);
-  task.samples = context_.budget.Samples(task.sample_cost);
-  return task;
-}
-
-/// The anchor's step on this set, 0 where there is no anchor.
-uint32_t SceneRun::AnchorStep(const Part& part) {
-  if (!Anchors(part)) return 0;
-  const std::pair key(part.set, part.threads);
-  if (!anchor_steps_.contains(key))
-    anchor_steps_[key] = ladder_->ChooseStep(anchor_->tree, part.set, part.threads);
-  return anchor_steps_.at(key);
-}
-
-/// Times all open cases of the group and gives its trees back, but for the anchor's.
-void SceneRun::TimeGroup() {
-  if (group_.empty()) return;
-  std::vector<std::string> specs;
-  for (const Entrant* entrant : group_) specs.push_back(entrant->Spec());
-  schedule_.Begin(Work::kFirstPasses, specs, "first passes");
-  std::vector<Open> open = OpenCases();
-  std::vector<TimedTask> tasks;
-  std::map<Part, size_t> anchors;  // the task of the anchor on each part
-  for (Open& o : open) {
-    const Case& key = o.planned->key;
-    if (key.IsBuild()) {
-      tasks.push_back(BuildTask(o));
-    } else {
-      // On a part that both can do, the anchor's time is measured beside every other one.
-      o.part = {o.planned->set, key.threads, 0};
-      const uint32_t own = ladder_->ChooseStep(o.entrant->tree, o.part.set, key.threads);
-      if (o.entrant == anchor_) anchor_steps_[{o.part.set, key.threads}] = own;
-      o.part.step = std::max(own, AnchorStep(o.part));
-      Seconds cold;
-      tasks.push_back(ladder_->Task(o.entrant->tree, o.part, cold));
-      const uint64_t rays = ladder_->RaysOf(o.part).rays.size();
-      o.values[column::cold_ns] = (key.threads == 1 ? cold.cpu : cold.wall) * 1e9 / double(rays);
-      o.values[column::timed_rays] = rays;
-      if (o.entrant == anchor_) anchors[o.part] = tasks.size() - 1;
-    }
-    tasks.back().name = o.planned->Name();
-    tasks.back().parallel = key.threads > 1;
-    ThrowIfInterrupted();
-    schedule_.Update(double(tasks.size()) / double(open.size()));
-  }
-  for (const Open& o : open) {
-    if (o.planned->key.IsBuild() || !Anchors(o.part) || anchors.contains(o.part)) continue;
-    anchors[o.part] = tasks.size();
-    Seconds cold;
-    tasks.push_back(ladder_->Task(anchor_->tree, o.part, cold));
-    tasks.back().name =
-        fmt::format("anchor of set {}/step {}/threads:{}", o.part.set, o.part.step, o.part.threads);
-    tasks.back().parallel = o.part.threads > 1;
-    ThrowIfInterrupted();
-  }
-  double seconds = 0;
-  for (const TimedTask& task : tasks) seconds += task.sample_cost * task.samples;
-  schedule_.Begin(Work::kTiming, specs, "timing");
-  schedule_.Expect(seconds);
-  const std::vector<Measurement> measured =
-      raybench::Measure(tasks, [&](double fraction) { schedule_.Update(fraction); });
-  for (size_t i = 0; i < open.size(); ++i) {
-    Open& o = open[i];
-    const auto anchor = o.planned->key.IsBuild() ? anchors.end() : anchors.find(o.part);
-    const bool has_anchor = anchor != anchors.end();
-    if (measured[i].empty() || (has_anchor && measured[anchor->second].empty())) continue;  // interrupted
-    AddTimes(o.values, o.planned->key, measured[i]);
-    if (has_anchor) {
-      o.values[column::anchor] = anchor_->Spec();
-      o.values[column::anchor_ns] = MedianOf(TimesOf(measured[anchor->second], o.part.threads)).median * 1e9 /
-                                    double(ladder_->RaysOf(o.part).rays.size());
-    }
-    context_.results.Store(o.planned->key, o.values, measured[i]);
-  }
-  ThrowIfInterrupted();
-  for (Entrant* entrant : group_)
-    if (entrant != anchor_) entrant->tree = Tree();
-  group_.clear();
 }
 
 }  // namespace raybench

@@ -17,6 +17,7 @@
 #include "harness/run/entrant.h"
 #include "harness/run/ladder.h"
 #include "harness/run/prepared_set.h"
+#include "harness/run/recall.h"
 #include "harness/run/schedule.h"
 #include "harness/terminal/progress.h"
 #include "harness/truth/oracle.h"
@@ -25,12 +26,16 @@ namespace raybench {
 
 /// A scene and what run.json says of it.
 struct SceneRecord {
+  size_t index = 0;        ///< among all scenes of the run, of all shards
   std::string name, stem;  ///< as the user named it; of files
   Scene scene;
   uint64_t build_needs = 0;          ///< RB_NEED_* of its trees
   std::vector<SourcedSet> replayed;  ///< taken when its turn comes
   Json needs, oracle, anchor;        ///< null until known
   Json notes = Json::array(), ray_sets = Json::array();
+  std::unique_ptr<Recall> recall;  ///< since there are results
+  uint64_t cases = 0;              ///< planned, of this shard; 0 until known
+  Json finished;  ///< what run.json said of it when an earlier session had finished it; else null
 };
 
 /// What all scenes of a run share.
@@ -44,11 +49,17 @@ struct RunContext {
   const ResultFolder& results;
   Progress& progress;
   Schedule& schedule;
-  const bool replays;  ///< ray files instead of captured sets
+  const bool replays;      ///< ray files instead of captured sets
+  const uint32_t process;  ///< of --processes, from 0
+  const size_t scenes;     ///< of all shards
 
   uint64_t seen = 0, taken = 0;  ///< cases ready to be timed, and those that the filter let through
   std::string last_name = {};    ///< of such a case
 
+  /// Whether the samples of this process are the last ones of each case.
+  bool LastProcess() const { return process + 1 == options.processes; }
+  /// Whether this shard measures the structure on this scene.
+  bool Owns(size_t scene, const Contestant& contestant) const;
   std::vector<uint32_t> BuildThreads() const;
   std::vector<uint32_t> QueryThreads() const;
   /// Pixels across a heat map.
@@ -57,20 +68,29 @@ struct RunContext {
 
 class SceneRun {
  public:
-  /// `index`: of the scene in the run.
-  SceneRun(RunContext& context, SceneRecord& record, size_t index);
+  /// The record must have its `recall`.
+  SceneRun(RunContext& context, SceneRecord& record);
 
   /// Gets the ray sets, plans the cases and asks for truth.
   void Prepare();
-  /// Builds, judges and times all unfinished cases. Throws InterruptedError; finished cases are stored.
+  /// Builds, judges and times all unfinished cases. Throws InterruptedError; what is known is kept.
   void Measure();
 
  private:
   std::vector<SourcedSet> CaptureSets();
+  void ReckonWithKnown();
   Entrant PlanEntrant(const Contestant& contestant);
   void AskForTruth();
 
+  bool IsOpen(const PlannedCase& c) const;
+  bool IsOpen(const Entrant& entrant) const;
+  bool IsSampled(const PlannedCase& c) const;
+  bool LacksAnchor(const PlannedCase& c) const;
+  bool LacksAnchor(const Entrant& entrant) const;
+  bool WasTimed(const Entrant& entrant) const;
   void Enter(Entrant& entrant);
+  size_t GroupLimit() const;
+  void Remember(Entrant& entrant);
   uint64_t Held() const;
   bool BuildInGroup(Entrant& entrant);
   void BuildAll(Entrant& entrant);
@@ -80,9 +100,15 @@ class SceneRun {
 
   struct Open;
   std::vector<Open> OpenCases();
-  TimedTask BuildTask(const Open& open);
+  TimedTask BuildTask(const Entrant& entrant, uint32_t threads);
   bool Anchors(const Part& part) const { return anchor_ != nullptr && anchor_->Answers(part.set); }
-  uint32_t AnchorStep(const Part& part);
+  uint32_t OwnStep(const Entrant& entrant, const Part& part);
+  KeptPlan PlanPart(const Entrant& entrant, const Part& part);
+  void Choose(Open& open);
+  std::string AnchorKey(const Part& part) const;
+  std::vector<Sample> AnchorSamples(const Part& part) const;
+  std::optional<double> AnchorSeconds(const Part& part, std::span<const Sample> samples) const;
+  void StoreTimed(const Entrant& entrant, const PlannedCase& c);
   void TimeGroup();
 
   /// Says it and keeps it with the scene in run.json.
@@ -94,17 +120,17 @@ class SceneRun {
   const RunOptions& options_;
   Schedule& schedule_;
   SceneRecord& record_;
-  const size_t index_;
+  Recall& recall_;
   const rb_geometry geometry_;
   std::vector<PreparedSet> sets_;
   std::vector<Entrant> entrants_;
-  uint64_t plan_size_ = 0;
+  uint64_t plan_place_ = 0, plan_size_ = 0;  ///< of the next case, of all shards; of this one
   std::unique_ptr<Oracle> oracle_;
   std::optional<Answers> answers_, counted_;  ///< for the largest set
   std::optional<Ladder> ladder_;
   std::vector<Entrant*> group_;  ///< whose trees are held to be timed together
   Entrant* anchor_ = nullptr;    ///< its tree is held to the end
-  std::map<std::pair<size_t, uint32_t>, uint32_t> anchor_steps_;  ///< by set and threads
+  std::vector<std::pair<const Entrant*, const PlannedCase*>> sampled_;  ///< whose rows are to be stored
 };
 
 }  // namespace raybench

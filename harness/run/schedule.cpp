@@ -19,6 +19,13 @@ void Schedule::Plan(size_t scene, Work work, const std::string& who, double gues
   costs_.Plan(work, LearnsAs(work, who), guess);
 }
 
+void Schedule::Scale(size_t scene, Work work, const std::string& who, double left) {
+  const auto found = planned_[scene].find({work, who});
+  if (found == planned_[scene].end()) return;
+  costs_.Withdraw(work, LearnsAs(work, who), found->second * (1 - left));
+  found->second *= left;
+}
+
 void Schedule::Forget(size_t scene, const std::string* who) {
   std::erase_if(planned_[scene], [&](const auto& entry) {
     const auto& [work, doer] = entry.first;

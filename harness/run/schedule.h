@@ -21,6 +21,8 @@ class Schedule {
   void Plan(size_t scene, Work work, const std::string& who, double guess);
   /// What is done once, after all scenes.
   void PlanAtEnd(Work work, double guess) { costs_.Plan(work, "", guess); }
+  /// Of what is planned on a scene of this kind and by this structure so much is left to do, in [0, 1].
+  void Scale(size_t scene, Work work, const std::string& who, double left);
   /// Takes back what is still planned on a scene, by one structure or all.
   void Forget(size_t scene, const std::string* who = nullptr);
 

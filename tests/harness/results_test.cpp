@@ -122,7 +122,7 @@ TEST_F(HarnessResults, StoredCasesComeBackInPlanOrderAndAsCsv) {
   const ResultFolder folder(folder_, false);
   Case second = ACase(), first = ACase();
   second.plan_index = 7, first.plan_index = 3, first.threads = 1;
-  const Sample sample{0, 4, 12, {0.25, 1.0 / 3}};
+  const Sample sample{0, 4, 12, {0.25, 1.0 / 3}, 2, 5};
   EXPECT_FALSE(folder.Has(second.Id()));
   Row timed = Ended("timed"), refused = Ended("refused");
   timed[column::steps] = 1.0 / 3;
@@ -142,15 +142,18 @@ TEST_F(HarnessResults, StoredCasesComeBackInPlanOrderAndAsCsv) {
   EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 3);
   EXPECT_TRUE(csv.starts_with("case_id,scene,scene_hash,primitives,structure,spec,params,ray_set,"));
   EXPECT_NE(
-      csv.find(",build_peak_bytes,cold_ns,samples,timed_rays,median_ns,lo_ns,hi_ns,rate,anchor,anchor_ns\n"),
+      csv.find(
+          ",build_peak_bytes,cold_ns,samples,timed_rays,median_ns,lo_ns,hi_ns,rate,anchor,anchor_ns,sessions,"
+          "machine\n"),
       std::string::npos);
   EXPECT_NE(csv.find(",\"claims \"\"exact\"\", but\","), std::string::npos);
   EXPECT_EQ(
       Read(folder_ / "samples.csv"),
-      "case_id,scene,structure,spec,ray_set,query,threads,sample,sequence,passes,rays,seconds,cpu_seconds\n" +
+      "case_id,scene,structure,spec,ray_set,query,threads,sample,sequence,passes,rays,seconds,cpu_seconds,"
+      "process,session\n" +
           second.Id() +
           ",sphereflake(depth=2),bvh_sah,bvh_sah(leaf_size=2),camera,closest,2,0,4,12,128,0.25," +
-          CsvField(1.0 / 3) + "\n");
+          CsvField(1.0 / 3) + ",2,5\n");
   for (const auto& entry : fs::recursive_directory_iterator(folder_))
     EXPECT_NE(entry.path().extension(), ".tmp");
 }
