@@ -1,0 +1,198 @@
+#include "accel/bvh/wide/collapse.h"
+
+#include <algorithm>
+#include <limits>
+#include <stdexcept>
+
+#include "accel/base/huge_array.h"
+#include "accel/bvh/build_records.h"
+
+namespace raybench {
+namespace {
+
+constexpr uint32_t kMaxWidth = 16;
+
+float HalfArea(const BuildNode& n) {
+  const float x = n.hi[0] - n.lo[0], y = n.hi[1] - n.lo[1], z = n.hi[2] - n.lo[2];
+  return x * y + y * z + z * x;
+}
+
+template <uint32_t kWidth>
+class Collapser {
+ public:
+  Collapser(const BinaryTree& tree, const SahCosts& costs)
+      : tree_(tree), costs_(costs), choices_(tree.nodes.size()) {
+    Solve(0, uint32_t(std::min<size_t>(tree.nodes.size(), std::numeric_limits<uint32_t>::max())));
+    Emit();
+  }
+  WideTopology Take() { return std::move(out_); }
+
+ private:
+  /// How the subtree of a binary node becomes i trees: split[i]: i trees, of them so many left (0: as one
+  /// with i - 1). is_leaf: as one tree it is a leaf.
+  struct Choice {
+    uint8_t left[kWidth + 1];
+    uint8_t is_leaf;
+    uint32_t count;
+  };
+  struct Solution {
+    float cost[kWidth + 1];  // cost[i]; 1 <= i <= most
+    uint32_t most;           // more trees than that do not help
+    uint32_t count;          // primitives
+  };
+
+  /// `entries`: an upper bound of the subtree's primitives, to tell when it is worth a task.
+  Solution Solve(uint32_t slot, uint32_t entries) {
+    const BuildNode& node = tree_.nodes[slot];
+    const float area = HalfArea(node);
+    Choice& choice = choices_[slot];
+    Solution s;
+    if (node.count > 0) {
+      s.most = 1, s.count = node.count;
+      s.cost[1] = costs_.Blocks(node.count) * area;
+      choice.is_leaf = 1, choice.count = node.count;
+      return s;
+    }
+    Solution l, r;
+    const uint32_t lefts = (node.right - slot) / 2;
+    Both(
+        entries, [&] { l = Solve(slot + 1, lefts); }, [&] { r = Solve(node.right, entries - std::min(lefts, entries)); });
+    s.count = choice.count = l.count + r.count;
+    s.most = std::min(kWidth, l.most + r.most);
+    float best = std::numeric_limits<float>::infinity();
+    for (uint32_t i = 2; i <= s.most; ++i) {
+      s.cost[i] = best, choice.left[i] = 0;
+      const uint32_t k_begin = i > r.most ? i - r.most : 1, k_end = std::min(l.most, i - 1);
+      for (uint32_t k = k_begin; k <= k_end; ++k) {
+        const float cost = l.cost[k] + r.cost[i - k];
+        if (cost < s.cost[i]) s.cost[i] = cost, choice.left[i] = uint8_t(k);
+      }
+      best = s.cost[i];
+    }
+    const float as_node = costs_.traversal * area + best;
+    const float as_leaf = s.count <= costs_.leaf_size && !tree_.clipped
+                              ? costs_.Blocks(s.count) * area
+                              : std::numeric_limits<float>::infinity();
+    choice.is_leaf = as_leaf <= as_node;
+    s.cost[1] = std::min(as_leaf, as_node);
+    // Fewer trees may cost less than more of them.
+    for (uint32_t i = 2; i <= s.most; ++i) {
+      if (s.cost[i - 1] < s.cost[i]) s.cost[i] = s.cost[i - 1], choice.left[i] = 0;
+    }
+    for (uint32_t i = s.most + 1; i <= kWidth; ++i) choice.left[i] = 0;
+    return s;
+  }
+
+  /// The trees that `slot` becomes if it may become `most`.
+  void Gather(uint32_t slot, uint32_t most, std::vector<uint32_t>& out) const {
+    const BuildNode& node = tree_.nodes[slot];
+    const Choice& choice = choices_[slot];
+    if (node.count == 0)
+      while (most > 1 && choice.left[most] == 0) --most;
+    if (node.count > 0 || most == 1) {
+      out.push_back(slot);
+      return;
+    }
+    Gather(slot + 1, choice.left[most], out);
+    Gather(node.right, most - choice.left[most], out);
+  }
+  bool IsLeaf(uint32_t slot) const { return choices_[slot].is_leaf != 0; }
+  uint32_t First(uint32_t slot) const {
+    while (tree_.nodes[slot].count == 0) ++slot;
+    return tree_.nodes[slot].first;
+  }
+
+  void Emit() {
+    out_.width = kWidth;
+    out_.begin.push_back(0);
+    if (IsLeaf(0)) {
+      out_.children.push_back({0, First(0), choices_[0].count});
+      out_.leaves = 1;
+      return;
+    }
+    struct Pending {
+      uint32_t slot, depth;
+    };
+    std::vector<uint32_t> trees;
+    std::vector<uint32_t> number_of;  // nodes to come
+    // Depth first by groups: the children of a node get neighbouring numbers, then the subtrees follow.
+    struct Frame {
+      uint32_t node, slot, depth;
+    };
+    std::vector<Frame> stack{{0, 0, 0}};
+    uint32_t next = 1;
+    struct Made {
+      uint32_t first_child, children, first_node, first_leaf;
+    };
+    std::vector<Made> made(1);
+    std::vector<WideTopology::Child> kids;
+    while (!stack.empty()) {
+      const Frame f = stack.back();
+      stack.pop_back();
+      if (f.depth >= kMaxTreeDepth) throw std::runtime_error("the tree is deeper than the traversal stack");
+      trees.clear();
+      const BuildNode& node = tree_.nodes[f.slot];
+      // As a node its best forest of kWidth; left[] of 1 is not used.
+      uint32_t most = kWidth;
+      const Choice& choice = choices_[f.slot];
+      while (most > 2 && choice.left[most] == 0) --most;
+      if (choice.left[most] == 0) {  // one tree would do, but it is no leaf
+        trees.push_back(f.slot + 1), trees.push_back(node.right);
+      } else {
+        Gather(f.slot + 1, choice.left[most], trees);
+        Gather(node.right, most - choice.left[most], trees);
+      }
+      std::sort(trees.begin(), trees.end(), [&](uint32_t a, uint32_t b) {
+        const bool leaf_a = IsLeaf(a), leaf_b = IsLeaf(b);
+        if (leaf_a != leaf_b) return leaf_a;
+        const float area_a = HalfArea(tree_.nodes[a]), area_b = HalfArea(tree_.nodes[b]);
+        return area_a != area_b ? area_a > area_b : a < b;
+      });
+      Made& m = made[f.node];
+      m = {uint32_t(out_.children.size()), uint32_t(trees.size()), next, out_.leaves};
+      for (const uint32_t slot : trees) {
+        if (IsLeaf(slot)) {
+          out_.children.push_back({slot, First(slot), choices_[slot].count});
+          ++out_.leaves;
+        } else {
+          out_.children.push_back({slot, 0, 0});
+          ++next;
+        }
+      }
+      for (size_t i = trees.size(), n = next; i-- > 0;) {
+        if (!IsLeaf(trees[i])) stack.push_back({uint32_t(--n), trees[i], f.depth + 1});
+      }
+      made.resize(next);
+    }
+    // Children were collected in the order of visits; bring them into that of nodes.
+    std::vector<WideTopology::Child> ordered;
+    ordered.reserve(out_.children.size());
+    for (const Made& m : made) {
+      out_.first_node.push_back(m.first_node), out_.first_leaf.push_back(m.first_leaf);
+      for (uint32_t c = 0; c < m.children; ++c) ordered.push_back(out_.children[m.first_child + c]);
+      out_.begin.push_back(uint32_t(ordered.size()));
+    }
+    out_.children = std::move(ordered);
+  }
+
+  const BinaryTree& tree_;
+  SahCosts costs_;
+  HugeArray<Choice> choices_;
+  WideTopology out_;
+};
+
+}  // namespace
+
+WideTopology Collapse(const BinaryTree& tree, uint32_t width, const SahCosts& costs) {
+  static_assert(kMaxWidth == 16);
+  switch (width) {
+    case 4:
+      return Collapser<4>(tree, costs).Take();
+    case 8:
+      return Collapser<8>(tree, costs).Take();
+    default:
+      return Collapser<16>(tree, costs).Take();
+  }
+}
+
+}  // namespace raybench

@@ -1,0 +1,39 @@
+// From a binary tree to a wide one.
+//
+// Which binary nodes become nodes, which leaves: by dynamic programming over the SAH (Ylitie, Karras, Laine
+// 2017, "Efficient incoherent ray traversal on GPUs through compressed wide BVHs"). The least cost C(n, i) of
+// the subtree of n as a forest of at most i trees is
+//   C(n, 1) = min(leaf: blocks(n) area(n),  node: traversal area(n) + D(n, width))
+//   C(n, i) = min(C(n, i - 1), D(n, i)),  D(n, i) = min over k of C(left, k) + C(right, i - k).
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "accel/bvh/binary_tree.h"
+
+namespace raybench {
+
+/// The wide tree's shape. Nodes stand in an order in which the inner children of a node are neighbours, and so
+/// are the leaves below it; children are sorted by `Collapse`.
+struct WideTopology {
+  struct Child {
+    uint32_t slot;   ///< of the binary tree: its bounds
+    uint32_t first;  ///< leaf: first entry of `order`
+    uint32_t count;  ///< leaf: primitives; inner: 0
+  };
+  uint32_t width = 0;
+  std::vector<Child> children;         ///< of all nodes, one after the other
+  std::vector<uint32_t> begin;         ///< node -> its first child; one more entry at the end
+  std::vector<uint32_t> first_node;    ///< node -> the node that its first inner child is
+  std::vector<uint32_t> first_leaf;    ///< node -> the leaf that its first leaf child is
+  uint32_t leaves = 0;
+
+  uint32_t nodes() const { return uint32_t(first_node.size()); }
+};
+
+/// `costs.leaf_size`: most primitives of a leaf. Children are in the order of falling area, leaves first.
+/// Runs inside the caller's task arena. The tree has more than one leaf... or one: then no node, one leaf.
+WideTopology Collapse(const BinaryTree& tree, uint32_t width, const SahCosts& costs);
+
+}  // namespace raybench

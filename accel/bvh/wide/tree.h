@@ -1,0 +1,250 @@
+#pragma once
+
+#include <memory>
+
+#include "accel/bvh/wide/collapse.h"
+#include "accel/bvh/wide/rays.h"
+#include "accel/contract/counting.h"
+#include "accel/ray/leaf_blocks.h"
+#include "accel/ray/primitive.h"
+
+namespace raybench {
+
+/// Eight children, planes in rows.
+template <int kWidth>
+struct alignas(64) FullNode {
+  float planes[6][kWidth];
+  uint32_t child[kWidth];
+};
+
+template <int kWidth>
+class WideTree {
+ public:
+  static constexpr uint32_t kLeaf = 0x80000000u, kEmpty = 0xFFFFFFFFu;
+  using Node = FullNode<kWidth>;
+  using Blocks = LeafBlocks<kWidth>;
+  using F = FloatN<kWidth>;
+
+  WideTree() = default;
+  WideTree(const rb_geometry& geometry, const BinaryTree& tree, const WideTopology& topology)
+      : nodes_(topology.nodes()), leaves_(geometry, topology.leaves), clipped_(tree.clipped) {
+    constexpr float kInf = std::numeric_limits<float>::infinity();
+    const BuildNode& root = tree.nodes[0];
+    bounds_ = {LoadVec3(root.lo), LoadVec3(root.hi)};
+    root_ = topology.nodes() == 0 ? kLeaf : 0;
+    if (topology.nodes() == 0) {
+      leaves_.Fill(0, {&tree.order[topology.children[0].first], topology.children[0].count});
+      return;
+    }
+    ParallelFor(Range<size_t>(0, nodes_.size(), 256), [&](const auto& range) {
+      for (size_t i = range.begin(); i < range.end(); ++i) {
+        Node& node = nodes_[i];
+        uint32_t inner = topology.first_node[i], leaf = topology.first_leaf[i];
+        const uint32_t begin = topology.begin[i], count = topology.begin[i + 1] - begin;
+        for (uint32_t c = 0; c < uint32_t(kWidth); ++c) {
+          if (c >= count) {
+            for (int a = 0; a < 3; ++a) node.planes[a][c] = kInf, node.planes[a + 3][c] = -kInf;
+            node.child[c] = kEmpty;
+            continue;
+          }
+          const WideTopology::Child& child = topology.children[begin + c];
+          const BuildNode& from = tree.nodes[child.slot];
+          for (int a = 0; a < 3; ++a) node.planes[a][c] = from.lo[a], node.planes[a + 3][c] = from.hi[a];
+          if (child.count > 0) {
+            leaves_.Fill(leaf, {&tree.order[child.first], child.count});
+            node.child[c] = kLeaf | leaf++;
+          } else {
+            node.child[c] = inner++;
+          }
+        }
+      }
+    });
+  }
+
+  template <class Counter>
+  void Query(uint32_t numerics, const rb_query& query) const {
+    WithNumerics(numerics, [&]<class Test>() {
+      ForEachRay<Counter>(query, [&](auto any, const RayQuery& q, rb_hit& best, Counter& counter) {
+        if (root_ == kEmpty) return;
+        const RayState<Test> state(q);
+        if constexpr (!Counter::kCounts && kHasFma) {
+          if (Fusable(state.slab)) {
+            const WideRay<kWidth, true> ray(state.slab);
+            any.value ? Any<Test>(ray, state, best, counter) : Closest<Test>(ray, state, best, counter);
+            return;
+          }
+        }
+        const WideRay<kWidth, false> ray(state.slab);
+        any.value ? Any<Test>(ray, state, best, counter) : Closest<Test>(ray, state, best, counter);
+      });
+    });
+  }
+
+  MemoryUse Memory() const { return {nodes_.bytes(), leaves_.bytes(), leaves_.needs_geometry()}; }
+
+  template <class Fn>
+  int Visit(Fn&& node) const {
+    return root_ == kEmpty ? 0 : VisitBelow(root_, bounds_, 0, node);
+  }
+
+ private:
+  static bool Fusable(const SlabRay& slab) {
+    // No component of the direction so short that products overflow.
+    bool ok = true;
+    for (int a = 0; a < 3; ++a)
+      ok &= std::fabs(slab.inv_far[a]) < 0x1p60f && std::fabs(slab.inv_far[a]) > 0x1p-60f && std::fabs(slab.org[a]) < 0x1p60f;
+    return ok;
+  }
+
+  template <class Ray>
+  [[gnu::always_inline]] static unsigned Hits(const Node& node, const Ray& ray, F tnear, F tfar, F& entry) {
+    const F nx = ray.Near(0, Load<F>(node.planes[ray.near_at[0]])),
+            ny = ray.Near(1, Load<F>(node.planes[ray.near_at[1]])),
+            nz = ray.Near(2, Load<F>(node.planes[ray.near_at[2]])),
+            fx = ray.Far(0, Load<F>(node.planes[ray.far_at[0]])),
+            fy = ray.Far(1, Load<F>(node.planes[ray.far_at[1]])),
+            fz = ray.Far(2, Load<F>(node.planes[ray.far_at[2]]));
+    entry = Larger<kWidth>(nx, Larger<kWidth>(ny, Larger<kWidth>(nz, tnear)));
+    const F exit = Smaller<kWidth>(fx, Smaller<kWidth>(fy, Smaller<kWidth>(fz, tfar)));
+    return LessEqual<kWidth>(entry, exit);
+  }
+
+  template <bool kAnyHit, class Test, class Counter>
+  [[gnu::always_inline]] bool Leaf(uint32_t ref, const RayState<Test>& state, rb_hit& best,
+                                   Counter& counter) const {
+    counter.Step(0), counter.Leaf(false);
+    return leaves_.template Intersect<false, kAnyHit>(ref & ~kLeaf, kWidth, state, best, counter, NoMailbox{});
+  }
+
+  template <class Test, class Ray, class Counter>
+  [[gnu::always_inline]] void Any(const Ray& ray, const RayState<Test>& state, rb_hit& best, Counter& counter) const {
+    struct Entry {
+      const Node* node;
+      unsigned mask;
+    };
+    Entry stack[kMaxTreeDepth];
+    Entry* top = stack;
+    if (root_ != 0) {
+      Leaf<true>(root_, state, best, counter);
+      return;
+    }
+    const F tnear = Splat<F>(state.query.ray.tnear), tfar = Splat<F>(best.t);
+    const Node* node = &nodes_[0];
+    for (;;) {
+      F entry;
+      counter.Step(sizeof(Node)), counter.Bounds(kWidth);
+      unsigned mask = Hits(*node, ray, tnear, tfar, entry);
+      for (;;) {
+        while (mask == 0) {
+          if (top == stack) return;
+          --top;
+          node = top->node, mask = top->mask;
+        }
+        const uint32_t ref = node->child[__builtin_ctz(mask)];
+        mask &= mask - 1;
+        if ((ref & kLeaf) != 0) {
+          if (Leaf<true>(ref, state, best, counter)) return;
+          continue;
+        }
+        *top = {node, mask};
+        top += mask != 0;
+        node = &nodes_[ref];
+        break;
+      }
+    }
+  }
+
+  template <class Test, class Ray, class Counter>
+  [[gnu::always_inline]] void Closest(const Ray& ray, const RayState<Test>& state, rb_hit& best, Counter& counter) const {
+    struct Group {
+      F entry;
+      const Node* node;
+      unsigned mask;
+    };
+    Group stack[kMaxTreeDepth];
+    Group* top = stack;
+    if (root_ != 0) {
+      Leaf<false>(root_, state, best, counter);
+      return;
+    }
+    const F tnear = Splat<F>(state.query.ray.tnear + 0.0f);
+    F tfar = Splat<F>(best.t);
+    const Node* node = &nodes_[0];
+    for (;;) {
+      F entry;
+      counter.Step(sizeof(Node)), counter.Bounds(kWidth);
+      unsigned mask = Hits(*node, ray, tnear, tfar, entry);
+      for (;;) {
+        while (mask == 0) {
+          if (top == stack) return;
+          --top;
+          node = top->node, entry = top->entry;
+          mask = top->mask & LessEqual<kWidth>(entry, tfar);
+        }
+        const unsigned i = Nearest(entry, mask);
+        const uint32_t ref = node->child[i];
+        mask &= ~(1u << i);
+        if ((ref & kLeaf) != 0) {
+          if (Leaf<false>(ref, state, best, counter)) {
+            tfar = Splat<F>(best.t);
+            mask &= LessEqual<kWidth>(entry, tfar);
+          }
+          continue;
+        }
+        top->entry = entry, top->node = node, top->mask = mask;
+        top += mask != 0;
+        node = &nodes_[ref];
+        break;
+      }
+    }
+  }
+
+  [[gnu::always_inline]] static unsigned Nearest(F entry, unsigned mask) {
+    using I = IntN<kWidth>;
+    I key = (I(entry) & ~(kWidth - 1)) | Iota<I>();
+#if defined(__AVX512VL__)
+    if constexpr (kWidth == 8) {
+      __m256i k = _mm256_mask_mov_epi32(_mm256_set1_epi32(0x7FFFFFFF), __mmask8(mask), __m256i(key));
+      __m128i m = _mm_min_epi32(_mm256_castsi256_si128(k), _mm256_extracti128_si256(k, 1));
+      m = _mm_min_epi32(m, _mm_shuffle_epi32(m, 0x4E));
+      m = _mm_min_epi32(m, _mm_shuffle_epi32(m, 0xB1));
+      return unsigned(_mm_cvtsi128_si32(m)) & 7;
+    }
+#endif
+    unsigned best = 0;
+    int32_t least = 0x7FFFFFFF;
+    for (; mask != 0; mask &= mask - 1) {
+      const unsigned i = unsigned(__builtin_ctz(mask));
+      if (key[i] < least) least = key[i], best = i;
+    }
+    return best;
+  }
+
+  template <class Fn>
+  int VisitBelow(uint32_t ref, const Bounds3& box, uint32_t depth, Fn& node) const {
+    const float bounds[6] = {box.lo.x, box.lo.y, box.lo.z, box.hi.x, box.hi.y, box.hi.z};
+    rb_node shown{depth, 0, clipped_, RB_SHAPE_BOX, bounds, 6, 0, nullptr};
+    if ((ref & kLeaf) != 0) {
+      const uint32_t* prims = leaves_.Address(ref & ~kLeaf)->prim;
+      shown.is_leaf = 1, shown.prims = prims, shown.prim_count = 1;
+      while (prims[shown.prim_count - 1] != prims[kWidth - 1]) ++shown.prim_count;
+      return node(shown);
+    }
+    if (int stop = node(shown)) return stop;
+    const Node& n = nodes_[ref];
+    for (int c = 0; c < kWidth && n.child[c] != kEmpty; ++c) {
+      const auto& p = n.planes;
+      const Bounds3 child{{p[0][c], p[1][c], p[2][c]}, {p[3][c], p[4][c], p[5][c]}};
+      if (int stop = VisitBelow(n.child[c], child, depth + 1, node)) return stop;
+    }
+    return 0;
+  }
+
+  HugeArray<Node> nodes_;
+  Blocks leaves_;
+  uint32_t root_ = kEmpty;
+  Bounds3 bounds_;
+  bool clipped_ = false;
+};
+
+}  // namespace raybench
