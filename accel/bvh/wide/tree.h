@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "accel/bvh/wide/collapse.h"
+#include "accel/bvh/wide/leaf_test.h"
 #include "accel/bvh/wide/rays.h"
 #include "accel/contract/counting.h"
 #include "accel/ray/leaf_blocks.h"
@@ -64,19 +65,13 @@ class WideTree {
   template <class Counter>
   void Query(uint32_t numerics, const rb_query& query) const {
     WithNumerics(numerics, [&]<class Test>() {
-      ForEachRay<Counter>(query, [&](auto any, const RayQuery& q, rb_hit& best, Counter& counter) {
-        if (root_ == kEmpty) return;
-        const RayState<Test> state(q);
-        if constexpr (!Counter::kCounts && kHasFma) {
-          if (Fusable(state.slab)) {
-            const WideRay<kWidth, true> ray(state.slab);
-            any.value ? Any<Test>(ray, state, best, counter) : Closest<Test>(ray, state, best, counter);
-            return;
-          }
-        }
-        const WideRay<kWidth, false> ray(state.slab);
-        any.value ? Any<Test>(ray, state, best, counter) : Closest<Test>(ray, state, best, counter);
-      });
+      if (leaves_.needs_geometry()) {
+        QueryLeaves<SharedLeafTest<Test, true, kWidth>, Test, Counter>(query);
+      } else if constexpr (std::is_same_v<Test, WatertightTest>) {
+        QueryLeaves<WatertightLeafTest<kWidth>, Test, Counter>(query);
+      } else {
+        QueryLeaves<SharedLeafTest<Test, false, kWidth>, Test, Counter>(query);
+      }
     });
   }
 
@@ -88,36 +83,62 @@ class WideTree {
   }
 
  private:
-  static bool Fusable(const SlabRay& slab) {
-    // No component of the direction so short that products overflow.
-    bool ok = true;
-    for (int a = 0; a < 3; ++a)
-      ok &= std::fabs(slab.inv_far[a]) < 0x1p60f && std::fabs(slab.inv_far[a]) > 0x1p-60f && std::fabs(slab.org[a]) < 0x1p60f;
-    return ok;
+  template <class LeafTest, class Test, class Counter>
+  void QueryLeaves(const rb_query& query) const {
+    if (root_ == kEmpty) return ForEachRay<Counter>(query, [](auto, const auto&, auto&, auto&) {});
+    ForEachRay<Counter>(query, [&](auto any, const RayQuery& q, rb_hit& best, Counter& counter) {
+      const SlabRay4 slab(q.ray, Test::kSlack);
+      const LeafTest leaf(q, slab, leaves_);
+      if constexpr (!Counter::kCounts && kHasFma) {
+        if (WideRay<kWidth, true>::Fits(slab)) [[likely]] {
+          Trace<any.value>(WideRay<kWidth, true>(slab), leaf, q, best, counter);
+          return;
+        }
+      }
+      Trace<any.value>(WideRay<kWidth, false>(slab), leaf, q, best, counter);
+    });
+  }
+  template <bool kAnyHit, class Ray, class LeafTest, class Counter>
+  [[gnu::always_inline]] void Trace(const Ray& ray, const LeafTest& leaf, const RayQuery& q, rb_hit& best, Counter& counter) const {
+    if constexpr (kAnyHit) {
+      Any(ray, leaf, q, best, counter);
+    } else {
+      Closest(ray, leaf, q, best, counter);
+    }
   }
 
+  [[gnu::always_inline]] static const float* Row(const Node& node, uint32_t at) {
+    return reinterpret_cast<const float*>(reinterpret_cast<const char*>(&node) + at);
+  }
   template <class Ray>
   [[gnu::always_inline]] static unsigned Hits(const Node& node, const Ray& ray, F tnear, F tfar, F& entry) {
-    const F nx = ray.Near(0, Load<F>(node.planes[ray.near_at[0]])),
-            ny = ray.Near(1, Load<F>(node.planes[ray.near_at[1]])),
-            nz = ray.Near(2, Load<F>(node.planes[ray.near_at[2]])),
-            fx = ray.Far(0, Load<F>(node.planes[ray.far_at[0]])),
-            fy = ray.Far(1, Load<F>(node.planes[ray.far_at[1]])),
-            fz = ray.Far(2, Load<F>(node.planes[ray.far_at[2]]));
+    const F nx = ray.Near(0, Load<F>(Row(node, ray.near_at[0]))),
+            ny = ray.Near(1, Load<F>(Row(node, ray.near_at[1]))),
+            nz = ray.Near(2, Load<F>(Row(node, ray.near_at[2]))),
+            fx = ray.Far(0, Load<F>(Row(node, ray.far_at[0]))),
+            fy = ray.Far(1, Load<F>(Row(node, ray.far_at[1]))),
+            fz = ray.Far(2, Load<F>(Row(node, ray.far_at[2])));
     entry = Larger<kWidth>(nx, Larger<kWidth>(ny, Larger<kWidth>(nz, tnear)));
     const F exit = Smaller<kWidth>(fx, Smaller<kWidth>(fy, Smaller<kWidth>(fz, tfar)));
     return LessEqual<kWidth>(entry, exit);
   }
 
-  template <bool kAnyHit, class Test, class Counter>
-  [[gnu::always_inline]] bool Leaf(uint32_t ref, const RayState<Test>& state, rb_hit& best,
-                                   Counter& counter) const {
+  template <bool kAnyHit, class LeafTest, class Counter>
+  [[gnu::always_inline]] bool Leaf(uint32_t ref, const LeafTest& leaf, rb_hit& best, Counter& counter) const {
     counter.Step(0), counter.Leaf(false);
-    return leaves_.template Intersect<false, kAnyHit>(ref & ~kLeaf, kWidth, state, best, counter, NoMailbox{});
+    if constexpr (Counter::kCounts) counter.Prims(LeafSize(ref), sizeof(typename Blocks::Block));
+    return leaf.template Take<kAnyHit>(ref & ~kLeaf, best);
+  }
+  /// The lanes behind a leaf's last primitive repeat it.
+  uint32_t LeafSize(uint32_t ref) const {
+    const auto& prims = leaves_.Address(ref & ~kLeaf)->prim;
+    uint32_t n = 1;
+    while (prims[n - 1] != prims[kWidth - 1]) ++n;
+    return n;
   }
 
-  template <class Test, class Ray, class Counter>
-  [[gnu::always_inline]] void Any(const Ray& ray, const RayState<Test>& state, rb_hit& best, Counter& counter) const {
+  template <class Ray, class LeafTest, class Counter>
+  [[gnu::always_inline]] void Any(const Ray& ray, const LeafTest& leaf, const RayQuery& q, rb_hit& best, Counter& counter) const {
     struct Entry {
       const Node* node;
       unsigned mask;
@@ -125,10 +146,10 @@ class WideTree {
     Entry stack[kMaxTreeDepth];
     Entry* top = stack;
     if (root_ != 0) {
-      Leaf<true>(root_, state, best, counter);
+      Leaf<true>(root_, leaf, best, counter);
       return;
     }
-    const F tnear = Splat<F>(state.query.ray.tnear), tfar = Splat<F>(best.t);
+    const F tnear = Splat<F>(q.ray.tnear), tfar = Splat<F>(best.t);
     const Node* node = &nodes_[0];
     for (;;) {
       F entry;
@@ -143,7 +164,7 @@ class WideTree {
         const uint32_t ref = node->child[__builtin_ctz(mask)];
         mask &= mask - 1;
         if ((ref & kLeaf) != 0) {
-          if (Leaf<true>(ref, state, best, counter)) return;
+          if (Leaf<true>(ref, leaf, best, counter)) return;
           continue;
         }
         *top = {node, mask};
@@ -154,8 +175,8 @@ class WideTree {
     }
   }
 
-  template <class Test, class Ray, class Counter>
-  [[gnu::always_inline]] void Closest(const Ray& ray, const RayState<Test>& state, rb_hit& best, Counter& counter) const {
+  template <class Ray, class LeafTest, class Counter>
+  [[gnu::always_inline]] void Closest(const Ray& ray, const LeafTest& leaf, const RayQuery& q, rb_hit& best, Counter& counter) const {
     struct Group {
       F entry;
       const Node* node;
@@ -164,10 +185,10 @@ class WideTree {
     Group stack[kMaxTreeDepth];
     Group* top = stack;
     if (root_ != 0) {
-      Leaf<false>(root_, state, best, counter);
+      Leaf<false>(root_, leaf, best, counter);
       return;
     }
-    const F tnear = Splat<F>(state.query.ray.tnear + 0.0f);
+    const F tnear = Splat<F>(q.ray.tnear + 0.0f);
     F tfar = Splat<F>(best.t);
     const Node* node = &nodes_[0];
     for (;;) {
@@ -181,11 +202,15 @@ class WideTree {
           node = top->node, entry = top->entry;
           mask = top->mask & LessEqual<kWidth>(entry, tfar);
         }
+#if NEAREST == 0
         const unsigned i = Nearest(entry, mask);
+#else
+        const unsigned i = (mask & (mask - 1)) == 0 ? unsigned(__builtin_ctz(mask)) : Nearest(entry, mask);
+#endif
         const uint32_t ref = node->child[i];
         mask &= ~(1u << i);
         if ((ref & kLeaf) != 0) {
-          if (Leaf<false>(ref, state, best, counter)) {
+          if (Leaf<false>(ref, leaf, best, counter)) {
             tfar = Splat<F>(best.t);
             mask &= LessEqual<kWidth>(entry, tfar);
           }
@@ -199,6 +224,9 @@ class WideTree {
     }
   }
 
+#ifndef NEAREST
+#define NEAREST 0
+#endif
   [[gnu::always_inline]] static unsigned Nearest(F entry, unsigned mask) {
     using I = IntN<kWidth>;
     I key = (I(entry) & ~(kWidth - 1)) | Iota<I>();
@@ -226,8 +254,7 @@ class WideTree {
     rb_node shown{depth, 0, clipped_, RB_SHAPE_BOX, bounds, 6, 0, nullptr};
     if ((ref & kLeaf) != 0) {
       const uint32_t* prims = leaves_.Address(ref & ~kLeaf)->prim;
-      shown.is_leaf = 1, shown.prims = prims, shown.prim_count = 1;
-      while (prims[shown.prim_count - 1] != prims[kWidth - 1]) ++shown.prim_count;
+      shown.is_leaf = 1, shown.prims = prims, shown.prim_count = LeafSize(ref);
       return node(shown);
     }
     if (int stop = node(shown)) return stop;

@@ -31,7 +31,7 @@ class BvhWide {
         NumericsParam(offsetof(Config, numerics)),
         IntParam("bins", "bins per axis", offsetof(Config, bins), 2, 64, 16),
         IntParam("leaf_size", "most primitives in a leaf", offsetof(Config, leaf_size), 1, 16, 8),
-        IntParam("binary_leaf", "x", offsetof(Config, binary_leaf), 1, 16, 4),
+        IntParam("binary_leaf", "x", offsetof(Config, binary_leaf), 1, 16, 8),
         IntParam("reinsertion", "x", offsetof(Config, reinsertion), 0, 16, 0),
         FloatParam("traversal_cost", "cost of a node in units of one leaf block", offsetof(Config, traversal_cost), 0,
                    100, 1.0)};
