@@ -34,6 +34,7 @@ class SharedLeafTest {
 template <int kLanes>
 class WatertightLeafTest {
   using F = FloatN<kLanes>;
+  using I = IntN<kLanes>;
   using Double4 = Vec<double, 4>;
   static constexpr float kLeast = 0x1p-60f;
 
@@ -48,6 +49,8 @@ class WatertightLeafTest {
     org_x_ = Splat<F>(q.ray.org[kx_]), org_y_ = Splat<F>(q.ray.org[ky_]), org_z_ = Splat<F>(q.ray.org[kz_]);
     sx_ = Splat<F>(shear.sx), sy_ = Splat<F>(shear.sy);
     dz_ = q.ray.dir[kz_];
+    const auto flip = [&](unsigned axis) { return Splat<IntN<kLanes>>(int32_t(slab.signs >> axis & 1u) << 31); };
+    flip_x_ = flip(kx_), flip_y_ = flip(ky_), flip_z_ = flip(kz_);
     const auto ordinary = [](float slope) { return std::fabs(slope) >= kLeast || slope == 0; };
     const bool all = ordinary(shear.sx) & ordinary(shear.sy);
     least_z_ = all ? kLeast : std::numeric_limits<float>::infinity();
@@ -56,7 +59,15 @@ class WatertightLeafTest {
 
   template <bool kAnyHit>
   [[gnu::always_inline]] bool Take(uint32_t index, rb_hit& best) const {
-    const Block& block = blocks_[index];
+    // The registers belong to the node test: what is needed here stays in memory.
+    const WatertightLeafTest* self = this;
+    asm("" : "+r"(self));
+    return self->template TakeBlock<kAnyHit>(blocks_[index], best);
+  }
+
+ private:
+  template <bool kAnyHit>
+  [[gnu::always_inline]] bool TakeBlock(const Block& block, rb_hit& best) const {
     F x[3], y[3], z[3];
     for (int c = 0; c < 3; ++c) {
       z[c] = Load<F>(block.v[c][kz_]) - org_z_;
@@ -65,11 +76,17 @@ class WatertightLeafTest {
     }
     const F u = x[2] * y[1] - y[2] * x[1], v = x[0] * y[2] - y[0] * x[2], w = x[1] * y[0] - y[1] * x[0];
     const F tiny = Splat<F>(RayShear::kTiny);
+    const F least = Smaller<kLanes>(u, Smaller<kLanes>(v, w)),
+            most = Larger<kLanes>(u, Larger<kLanes>(v, w));
     unsigned candidates =
-        ~(Less<kLanes>(Smaller<kLanes>(u, Smaller<kLanes>(v, w)), -tiny) &
-          Less<kLanes>(tiny, Larger<kLanes>(u, Larger<kLanes>(v, w)))) &
-        kAllLanes<kLanes>;
+        ~(Less<kLanes>(least, -tiny) & Less<kLanes>(tiny, most)) & kAllLanes<kLanes>;
     if (candidates == 0) return false;
+    if ((candidates & AnyBehind(z, flip_z_)) != 0) {
+      const Block* again = &block;  // not kept in registers until here
+      asm("" : "+r"(again));
+      candidates &= ~Behind(*again, x, y, z, u, v, w, least + most);
+      if (candidates == 0) return false;
+    }
     Sheared s;
     for (int c = 0; c < 3; ++c) {
       std::memcpy(s.x[c], &x[c], sizeof x[c]);
@@ -86,7 +103,26 @@ class WatertightLeafTest {
     return changed;
   }
 
- private:
+  /// Bit i: triangle i surely lies behind the origin: t < 0 and the box's near end < 0. Mostly the one that the ray
+  /// starts from.
+  [[gnu::always_inline]] unsigned Behind(const Block& block, const F (&x)[3], const F (&y)[3],
+                                         const F (&z)[3], F u, F v, F w, F sum) const {
+    F across = Abs(x[0]), along = Abs(z[0]), px[3], py[3];
+    for (int c = 0; c < 3; ++c) {
+      across = Larger<kLanes>(across, Larger<kLanes>(Abs(x[c]), Abs(y[c])));
+      along = Larger<kLanes>(along, Abs(z[c]));
+      px[c] = Load<F>(block.v[c][kx_]) - org_x_, py[c] = Load<F>(block.v[c][ky_]) - org_y_;
+    }
+    const F t = u * z[0] + v * z[1] + w * z[2];
+    // Each of u, v, w errs by 2^-22.9 across^2.
+    const F error = across * across * along * 0x1p-18f;
+    return AnyBehind(px, flip_x_) & AnyBehind(py, flip_y_) & Less<kLanes>(error, Abs(t)) &
+           Mask(F(I(t) ^ I(sum) ^ flip_z_));
+  }
+  [[gnu::always_inline]] static unsigned AnyBehind(const F (&d)[3], I flip) {
+    return Mask(F((I(d[0]) ^ flip) | (I(d[1]) ^ flip) | (I(d[2]) ^ flip)));
+  }
+
   struct Sheared {
     float x[3][kLanes], y[3][kLanes], z[3][kLanes];
   };
@@ -137,6 +173,7 @@ class WatertightLeafTest {
   const RayQuery& query_;
   const SlabRay4& slab_;
   F org_x_, org_y_, org_z_, sx_, sy_;
+  IntN<kLanes> flip_x_, flip_y_, flip_z_;  ///< the sign of the direction
   float dz_, least_z_, zero_z_;
   unsigned kx_, ky_, kz_;
 };

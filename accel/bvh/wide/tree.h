@@ -225,7 +225,7 @@ class WideTree {
   }
 
 #ifndef NEAREST
-#define NEAREST 0
+#define NEAREST 1
 #endif
   [[gnu::always_inline]] static unsigned Nearest(F entry, unsigned mask) {
     using I = IntN<kWidth>;

@@ -25,13 +25,13 @@ class BvhWide {
       RB_CAN_COUNT | RB_CAN_PROCEDURAL | RB_CAN_AFTER | RB_CAN_SKIP | RB_DETERMINISTIC;
   static constexpr const char* kName = WIDE_NAME;
   static constexpr const char* kDoc = "wide BVH";
-  static constexpr const char* kSource = "Wald";
+  static constexpr const char* kSource = "Wald, Benthin, Boulos 2008: Getting rid of packets - efficient SIMD single-ray traversal using multi-branching BVHs";
   static std::span<const rb_param> Params() {
     static const rb_param params[] = {
         NumericsParam(offsetof(Config, numerics)),
         IntParam("bins", "bins per axis", offsetof(Config, bins), 2, 64, 16),
-        IntParam("leaf_size", "most primitives in a leaf", offsetof(Config, leaf_size), 1, 16, 8),
-        IntParam("binary_leaf", "x", offsetof(Config, binary_leaf), 1, 16, 8),
+        IntParam("leaf_size", "most primitives in a leaf", offsetof(Config, leaf_size), 1, 8, 8),
+        IntParam("binary_leaf", "x", offsetof(Config, binary_leaf), 1, 8, 8),
         IntParam("reinsertion", "x", offsetof(Config, reinsertion), 0, 16, 0),
         FloatParam("traversal_cost", "cost of a node in units of one leaf block", offsetof(Config, traversal_cost), 0,
                    100, 1.0)};
@@ -41,6 +41,10 @@ class BvhWide {
   BvhWide(const rb_geometry& geometry, const rb_build_options& options, const Config& config)
       : numerics_(config.numerics), claim_(ClaimOf(config.numerics, geometry)) {
     if (PrimCount(geometry) == 0) return;
+    const uint64_t prims = PrimCount(geometry);
+    RequireWithinLimit(std::max(BinnedSahPeakBytes(prims), config.reinsertion > 0 ? ReinsertionPeakBytes(prims) : 0) +
+                           32 * prims,
+                       options);
     Arena arena(options.threads);
     arena.Run([&] {
       SahCosts binary{uint32_t(config.binary_leaf), uint32_t(config.binary_leaf), 1.5f};
@@ -50,6 +54,7 @@ class BvhWide {
       SahCosts costs{uint32_t(config.leaf_size), 8, float(config.traversal_cost)};
       tree_ = WideTree<8>(geometry, tree, Collapse(tree, 8, costs));
     });
+    RequireWithinLimit(Memory().nodes + Memory().prims, options);
   }
   template <class Counter>
   void Query(const rb_query& query) const {
