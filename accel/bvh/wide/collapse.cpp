@@ -103,76 +103,53 @@ class Collapser {
   }
 
   void Emit() {
-    out_.width = kWidth;
     out_.begin.push_back(0);
     if (IsLeaf(0)) {
       out_.children.push_back({0, First(0), choices_[0].count});
-      out_.leaves = 1;
       return;
     }
+    constexpr uint32_t kNone = 0xFFFFFFFFu;
     struct Pending {
-      uint32_t slot, depth;
+      uint32_t slot, child, depth;  // child: which entry of `children` it is
     };
+    std::vector<Pending> stack{{0, kNone, 0}};
     std::vector<uint32_t> trees;
-    std::vector<uint32_t> number_of;  // nodes to come
-    // Depth first by groups: the children of a node get neighbouring numbers, then the subtrees follow.
-    struct Frame {
-      uint32_t node, slot, depth;
-    };
-    std::vector<Frame> stack{{0, 0, 0}};
-    uint32_t next = 1;
-    struct Made {
-      uint32_t first_child, children, first_node, first_leaf;
-    };
-    std::vector<Made> made(1);
-    std::vector<WideTopology::Child> kids;
     while (!stack.empty()) {
-      const Frame f = stack.back();
+      const Pending p = stack.back();
       stack.pop_back();
-      if (f.depth >= kMaxTreeDepth) throw std::runtime_error("the tree is deeper than the traversal stack");
-      trees.clear();
-      const BuildNode& node = tree_.nodes[f.slot];
-      // As a node its best forest of kWidth; left[] of 1 is not used.
-      uint32_t most = kWidth;
-      const Choice& choice = choices_[f.slot];
-      while (most > 2 && choice.left[most] == 0) --most;
-      if (choice.left[most] == 0) {  // one tree would do, but it is no leaf
-        trees.push_back(f.slot + 1), trees.push_back(node.right);
-      } else {
-        Gather(f.slot + 1, choice.left[most], trees);
-        Gather(node.right, most - choice.left[most], trees);
-      }
-      std::sort(trees.begin(), trees.end(), [&](uint32_t a, uint32_t b) {
-        const bool leaf_a = IsLeaf(a), leaf_b = IsLeaf(b);
-        if (leaf_a != leaf_b) return leaf_a;
-        const float area_a = HalfArea(tree_.nodes[a]), area_b = HalfArea(tree_.nodes[b]);
-        return area_a != area_b ? area_a > area_b : a < b;
-      });
-      Made& m = made[f.node];
-      m = {uint32_t(out_.children.size()), uint32_t(trees.size()), next, out_.leaves};
+      if (p.depth >= kMaxTreeDepth) throw std::runtime_error("the tree is deeper than the traversal stack");
+      if (p.child != kNone) out_.children[p.child].first = out_.nodes();
+      Children(p.slot, trees);
+      const size_t begin = out_.children.size();
       for (const uint32_t slot : trees) {
-        if (IsLeaf(slot)) {
-          out_.children.push_back({slot, First(slot), choices_[slot].count});
-          ++out_.leaves;
-        } else {
-          out_.children.push_back({slot, 0, 0});
-          ++next;
-        }
+        const bool is_leaf = IsLeaf(slot);
+        out_.children.push_back({slot, is_leaf ? First(slot) : 0, is_leaf ? choices_[slot].count : 0});
       }
-      for (size_t i = trees.size(), n = next; i-- > 0;) {
-        if (!IsLeaf(trees[i])) stack.push_back({uint32_t(--n), trees[i], f.depth + 1});
-      }
-      made.resize(next);
+      for (size_t i = trees.size(); i-- > 0;)
+        if (!IsLeaf(trees[i])) stack.push_back({trees[i], uint32_t(begin + i), p.depth + 1});
+      out_.begin.push_back(uint32_t(out_.children.size()));
     }
-    // Children were collected in the order of visits; bring them into that of nodes.
-    std::vector<WideTopology::Child> ordered;
-    ordered.reserve(out_.children.size());
-    for (const Made& m : made) {
-      out_.first_node.push_back(m.first_node), out_.first_leaf.push_back(m.first_leaf);
-      for (uint32_t c = 0; c < m.children; ++c) ordered.push_back(out_.children[m.first_child + c]);
-      out_.begin.push_back(uint32_t(ordered.size()));
+  }
+
+  /// The children of the node that the subtree of `slot` becomes.
+  void Children(uint32_t slot, std::vector<uint32_t>& trees) const {
+    trees.clear();
+    const Choice& choice = choices_[slot];
+    const uint32_t right = tree_.nodes[slot].right;
+    uint32_t most = kWidth;
+    while (most > 2 && choice.left[most] == 0) --most;
+    if (choice.left[most] == 0) {  // one tree would do, but it is no leaf
+      trees.push_back(slot + 1), trees.push_back(right);
+    } else {
+      Gather(slot + 1, choice.left[most], trees);
+      Gather(right, most - choice.left[most], trees);
     }
-    out_.children = std::move(ordered);
+    std::sort(trees.begin(), trees.end(), [&](uint32_t a, uint32_t b) {
+      const bool leaf_a = IsLeaf(a), leaf_b = IsLeaf(b);
+      if (leaf_a != leaf_b) return leaf_a;
+      const float area_a = HalfArea(tree_.nodes[a]), area_b = HalfArea(tree_.nodes[b]);
+      return area_a != area_b ? area_a > area_b : a < b;
+    });
   }
 
   const BinaryTree& tree_;

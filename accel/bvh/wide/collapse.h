@@ -14,22 +14,17 @@
 
 namespace raybench {
 
-/// The wide tree's shape. Nodes stand in an order in which the inner children of a node are neighbours, and so
-/// are the leaves below it; children are sorted by `Collapse`.
+/// The wide tree's shape, nodes in depth-first order.
 struct WideTopology {
   struct Child {
     uint32_t slot;   ///< of the binary tree: its bounds
-    uint32_t first;  ///< leaf: first entry of `order`
+    uint32_t first;  ///< leaf: first entry of `order`; inner: the node's number
     uint32_t count;  ///< leaf: primitives; inner: 0
   };
-  uint32_t width = 0;
-  std::vector<Child> children;         ///< of all nodes, one after the other
-  std::vector<uint32_t> begin;         ///< node -> its first child; one more entry at the end
-  std::vector<uint32_t> first_node;    ///< node -> the node that its first inner child is
-  std::vector<uint32_t> first_leaf;    ///< node -> the leaf that its first leaf child is
-  uint32_t leaves = 0;
+  std::vector<Child> children;  ///< of all nodes, one after the other
+  std::vector<uint32_t> begin;  ///< node -> its first child; one more entry at the end
 
-  uint32_t nodes() const { return uint32_t(first_node.size()); }
+  uint32_t nodes() const { return uint32_t(begin.size()) - 1; }
 };
 
 /// `costs.leaf_size`: most primitives of a leaf. Children are in the order of falling area, leaves first.

@@ -15,18 +15,18 @@ template <class Test, bool kProcedural, int kLanes>
 class SharedLeafTest {
  public:
   using Block = typename LeafBlocks<kLanes>::Block;
-  SharedLeafTest(const RayQuery& q, const SlabRay4&, const LeafBlocks<kLanes>& leaves)
-      : leaves_(leaves), state_(q) {}
+  SharedLeafTest(const RayQuery& q, const SlabRay4&, const rb_geometry& geometry)
+      : geometry_(geometry), state_(q) {}
 
   template <bool kAnyHit>
-  bool Take(uint32_t block, rb_hit& best) const {
+  bool Take(const Block& block, rb_hit& best) const {
     NoCounting counter;
-    return leaves_.template Intersect<kProcedural, kAnyHit>(block, kLanes, state_, best, counter,
-                                                            NoMailbox{});
+    return LeafBlocks<kLanes>::template IntersectBlocks<kProcedural, kAnyHit>(
+        geometry_, &block, kLanes, state_, best, counter, NoMailbox{});
   }
 
  private:
-  const LeafBlocks<kLanes>& leaves_;
+  const rb_geometry& geometry_;
   RayState<Test> state_;
 };
 
@@ -42,8 +42,8 @@ class WatertightLeafTest {
   using Block = typename LeafBlocks<kLanes>::Block;
 
   [[gnu::always_inline]] WatertightLeafTest(const RayQuery& q, const SlabRay4& slab,
-                                            const LeafBlocks<kLanes>& leaves)
-      : blocks_(leaves.Address(0)), query_(q), slab_(slab) {
+                                            const rb_geometry&)
+      : query_(q), slab_(slab) {
     const RayShear shear(q.ray);
     kx_ = unsigned(shear.kx), ky_ = unsigned(shear.ky), kz_ = unsigned(shear.kz);
     org_x_ = Splat<F>(q.ray.org[kx_]), org_y_ = Splat<F>(q.ray.org[ky_]), org_z_ = Splat<F>(q.ray.org[kz_]);
@@ -58,11 +58,11 @@ class WatertightLeafTest {
   }
 
   template <bool kAnyHit>
-  [[gnu::always_inline]] bool Take(uint32_t index, rb_hit& best) const {
+  [[gnu::always_inline]] bool Take(const Block& block, rb_hit& best) const {
     // The registers belong to the node test: what is needed here stays in memory.
     const WatertightLeafTest* self = this;
     asm("" : "+r"(self));
-    return self->template TakeBlock<kAnyHit>(blocks_[index], best);
+    return self->template TakeBlock<kAnyHit>(block, best);
   }
 
  private:
@@ -169,7 +169,6 @@ class WatertightLeafTest {
     return state.Triangle(corner(0), corner(1), corner(2), block.prim[i], best);
   }
 
-  const Block* blocks_;
   const RayQuery& query_;
   const SlabRay4& slab_;
   F org_x_, org_y_, org_z_, sx_, sy_;

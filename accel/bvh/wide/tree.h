@@ -9,6 +9,9 @@
 #include "accel/ray/leaf_blocks.h"
 #include "accel/ray/primitive.h"
 
+#ifndef PREFETCH
+#define PREFETCH 4
+#endif
 namespace raybench {
 
 /// Eight children, planes in rows.
@@ -23,24 +26,43 @@ class WideTree {
  public:
   static constexpr uint32_t kLeaf = 0x80000000u, kEmpty = 0xFFFFFFFFu;
   using Node = FullNode<kWidth>;
-  using Blocks = LeafBlocks<kWidth>;
+  static constexpr int kLanes = kWidth < 8 ? kWidth : 8;
+  using Blocks = LeafBlocks<kLanes>;
+  using Block = typename Blocks::Block;
   using F = FloatN<kWidth>;
+  struct alignas(32) Line {
+    char bytes[32];
+  };
+  static constexpr uint32_t kNodeLines = sizeof(Node) / sizeof(Line), kBlockLines = sizeof(Block) / sizeof(Line);
 
   WideTree() = default;
   WideTree(const rb_geometry& geometry, const BinaryTree& tree, const WideTopology& topology)
-      : nodes_(topology.nodes()), leaves_(geometry, topology.leaves), clipped_(tree.clipped) {
+      : geometry_(geometry), clipped_(tree.clipped) {
     constexpr float kInf = std::numeric_limits<float>::infinity();
     const BuildNode& root = tree.nodes[0];
     bounds_ = {LoadVec3(root.lo), LoadVec3(root.hi)};
-    root_ = topology.nodes() == 0 ? kLeaf : 0;
-    if (topology.nodes() == 0) {
-      leaves_.Fill(0, {&tree.order[topology.children[0].first], topology.children[0].count});
+    const uint32_t nodes = topology.nodes();
+    if (nodes == 0) {
+      lines_ = HugeArray<Line>(kBlockLines);
+      leaf_count_ = 1, root_ = kLeaf;
+      Fill(0, geometry, {&tree.order[topology.children[0].first], topology.children[0].count});
       return;
     }
-    ParallelFor(Range<size_t>(0, nodes_.size(), 256), [&](const auto& range) {
+    std::vector<uint32_t> place(nodes);
+    uint64_t end = 0;
+    for (uint32_t i = 0; i < nodes; ++i) {
+      place[i] = uint32_t(end);
+      end += kNodeLines;
+      for (uint32_t c = topology.begin[i]; c < topology.begin[i + 1]; ++c)
+        if (topology.children[c].count > 0) end += kBlockLines, ++leaf_count_;
+    }
+    node_count_ = nodes, root_ = 0;
+    if (end >= kLeaf) throw std::runtime_error("too many primitives");
+    lines_ = HugeArray<Line>(end);
+    ParallelFor(Range<size_t>(0, nodes, 256), [&](const auto& range) {
       for (size_t i = range.begin(); i < range.end(); ++i) {
-        Node& node = nodes_[i];
-        uint32_t inner = topology.first_node[i], leaf = topology.first_leaf[i];
+        Node& node = *reinterpret_cast<Node*>(&lines_[place[i]]);
+        uint32_t leaf = place[i] + kNodeLines;
         const uint32_t begin = topology.begin[i], count = topology.begin[i + 1] - begin;
         for (uint32_t c = 0; c < uint32_t(kWidth); ++c) {
           if (c >= count) {
@@ -52,10 +74,11 @@ class WideTree {
           const BuildNode& from = tree.nodes[child.slot];
           for (int a = 0; a < 3; ++a) node.planes[a][c] = from.lo[a], node.planes[a + 3][c] = from.hi[a];
           if (child.count > 0) {
-            leaves_.Fill(leaf, {&tree.order[child.first], child.count});
-            node.child[c] = kLeaf | leaf++;
+            Fill(leaf, geometry, {&tree.order[child.first], child.count});
+            node.child[c] = kLeaf | leaf;
+            leaf += kBlockLines;
           } else {
-            node.child[c] = inner++;
+            node.child[c] = place[child.first];
           }
         }
       }
@@ -65,17 +88,19 @@ class WideTree {
   template <class Counter>
   void Query(uint32_t numerics, const rb_query& query) const {
     WithNumerics(numerics, [&]<class Test>() {
-      if (leaves_.needs_geometry()) {
-        QueryLeaves<SharedLeafTest<Test, true, kWidth>, Test, Counter>(query);
+      if (geometry_.procedural_count > 0) {
+        QueryLeaves<SharedLeafTest<Test, true, kLanes>, Test, Counter>(query);
       } else if constexpr (std::is_same_v<Test, WatertightTest>) {
-        QueryLeaves<WatertightLeafTest<kWidth>, Test, Counter>(query);
+        QueryLeaves<WatertightLeafTest<kLanes>, Test, Counter>(query);
       } else {
-        QueryLeaves<SharedLeafTest<Test, false, kWidth>, Test, Counter>(query);
+        QueryLeaves<SharedLeafTest<Test, false, kLanes>, Test, Counter>(query);
       }
     });
   }
 
-  MemoryUse Memory() const { return {nodes_.bytes(), leaves_.bytes(), leaves_.needs_geometry()}; }
+  MemoryUse Memory() const {
+    return {node_count_ * sizeof(Node), leaf_count_ * sizeof(Block), geometry_.procedural_count > 0};
+  }
 
   template <class Fn>
   int Visit(Fn&& node) const {
@@ -83,12 +108,21 @@ class WideTree {
   }
 
  private:
+  const Node& NodeOf(uint32_t ref) const { return reinterpret_cast<const Node&>(lines_[ref]); }
+  const Block& BlockOf(uint32_t ref) const { return reinterpret_cast<const Block&>(lines_[ref & ~kLeaf]); }
+  void Fill(uint32_t line, const rb_geometry& geometry, std::span<const uint32_t> prims) {
+    LeafBlocks<kLanes>::FillBlock(geometry, prims, reinterpret_cast<Block&>(lines_[line]));
+  }
+  [[gnu::always_inline]] void Ask(uint32_t ref) const {
+    const char* at = lines_[ref & ~kLeaf].bytes;
+    for (int i = 0; i < PREFETCH; ++i) __builtin_prefetch(at + 64 * i);
+  }
   template <class LeafTest, class Test, class Counter>
   void QueryLeaves(const rb_query& query) const {
     if (root_ == kEmpty) return ForEachRay<Counter>(query, [](auto, const auto&, auto&, auto&) {});
     ForEachRay<Counter>(query, [&](auto any, const RayQuery& q, rb_hit& best, Counter& counter) {
       const SlabRay4 slab(q.ray, Test::kSlack);
-      const LeafTest leaf(q, slab, leaves_);
+      const LeafTest leaf(q, slab, geometry_);
       if constexpr (!Counter::kCounts && kHasFma) {
         if (WideRay<kWidth, true>::Fits(slab)) [[likely]] {
           Trace<any.value>(WideRay<kWidth, true>(slab), leaf, q, best, counter);
@@ -126,14 +160,14 @@ class WideTree {
   template <bool kAnyHit, class LeafTest, class Counter>
   [[gnu::always_inline]] bool Leaf(uint32_t ref, const LeafTest& leaf, rb_hit& best, Counter& counter) const {
     counter.Step(0), counter.Leaf(false);
-    if constexpr (Counter::kCounts) counter.Prims(LeafSize(ref), sizeof(typename Blocks::Block));
-    return leaf.template Take<kAnyHit>(ref & ~kLeaf, best);
+    if constexpr (Counter::kCounts) counter.Prims(LeafSize(ref), sizeof(Block));
+    return leaf.template Take<kAnyHit>(BlockOf(ref), best);
   }
   /// The lanes behind a leaf's last primitive repeat it.
   uint32_t LeafSize(uint32_t ref) const {
-    const auto& prims = leaves_.Address(ref & ~kLeaf)->prim;
+    const auto& prims = BlockOf(ref).prim;
     uint32_t n = 1;
-    while (prims[n - 1] != prims[kWidth - 1]) ++n;
+    while (prims[n - 1] != prims[kLanes - 1]) ++n;
     return n;
   }
 
@@ -150,7 +184,7 @@ class WideTree {
       return;
     }
     const F tnear = Splat<F>(q.ray.tnear), tfar = Splat<F>(best.t);
-    const Node* node = &nodes_[0];
+    const Node* node = &NodeOf(0);
     for (;;) {
       F entry;
       counter.Step(sizeof(Node)), counter.Bounds(kWidth);
@@ -167,9 +201,10 @@ class WideTree {
           if (Leaf<true>(ref, leaf, best, counter)) return;
           continue;
         }
+        if (PREFETCH > 0 && mask != 0) Ask(node->child[__builtin_ctz(mask)]);
         *top = {node, mask};
         top += mask != 0;
-        node = &nodes_[ref];
+        node = &NodeOf(ref);
         break;
       }
     }
@@ -190,7 +225,7 @@ class WideTree {
     }
     const F tnear = Splat<F>(q.ray.tnear + 0.0f);
     F tfar = Splat<F>(best.t);
-    const Node* node = &nodes_[0];
+    const Node* node = &NodeOf(0);
     for (;;) {
       F entry;
       counter.Step(sizeof(Node)), counter.Bounds(kWidth);
@@ -216,9 +251,10 @@ class WideTree {
           }
           continue;
         }
+        if (PREFETCH > 0 && mask != 0) Ask(node->child[__builtin_ctz(mask)]);
         top->entry = entry, top->node = node, top->mask = mask;
         top += mask != 0;
-        node = &nodes_[ref];
+        node = &NodeOf(ref);
         break;
       }
     }
@@ -238,6 +274,20 @@ class WideTree {
       m = _mm_min_epi32(m, _mm_shuffle_epi32(m, 0xB1));
       return unsigned(_mm_cvtsi128_si32(m)) & 7;
     }
+    if constexpr (kWidth == 4) {
+      __m128i m = _mm_mask_mov_epi32(_mm_set1_epi32(0x7FFFFFFF), __mmask8(mask), __m128i(key));
+      m = _mm_min_epi32(m, _mm_shuffle_epi32(m, 0x4E));
+      m = _mm_min_epi32(m, _mm_shuffle_epi32(m, 0xB1));
+      return unsigned(_mm_cvtsi128_si32(m)) & 3;
+    }
+    if constexpr (kWidth == 16) {
+      __m512i w = _mm512_mask_mov_epi32(_mm512_set1_epi32(0x7FFFFFFF), __mmask16(mask), __m512i(key));
+      __m256i k = _mm256_min_epi32(_mm512_castsi512_si256(w), _mm512_extracti64x4_epi64(w, 1));
+      __m128i m = _mm_min_epi32(_mm256_castsi256_si128(k), _mm256_extracti128_si256(k, 1));
+      m = _mm_min_epi32(m, _mm_shuffle_epi32(m, 0x4E));
+      m = _mm_min_epi32(m, _mm_shuffle_epi32(m, 0xB1));
+      return unsigned(_mm_cvtsi128_si32(m)) & 15;
+    }
 #endif
     unsigned best = 0;
     int32_t least = 0x7FFFFFFF;
@@ -253,12 +303,12 @@ class WideTree {
     const float bounds[6] = {box.lo.x, box.lo.y, box.lo.z, box.hi.x, box.hi.y, box.hi.z};
     rb_node shown{depth, 0, clipped_, RB_SHAPE_BOX, bounds, 6, 0, nullptr};
     if ((ref & kLeaf) != 0) {
-      const uint32_t* prims = leaves_.Address(ref & ~kLeaf)->prim;
+      const uint32_t* prims = BlockOf(ref).prim;
       shown.is_leaf = 1, shown.prims = prims, shown.prim_count = LeafSize(ref);
       return node(shown);
     }
     if (int stop = node(shown)) return stop;
-    const Node& n = nodes_[ref];
+    const Node& n = NodeOf(ref);
     for (int c = 0; c < kWidth && n.child[c] != kEmpty; ++c) {
       const auto& p = n.planes;
       const Bounds3 child{{p[0][c], p[1][c], p[2][c]}, {p[3][c], p[4][c], p[5][c]}};
@@ -267,8 +317,9 @@ class WideTree {
     return 0;
   }
 
-  HugeArray<Node> nodes_;
-  Blocks leaves_;
+  rb_geometry geometry_{};
+  HugeArray<Line> lines_;
+  uint64_t node_count_ = 0, leaf_count_ = 0;
   uint32_t root_ = kEmpty;
   Bounds3 bounds_;
   bool clipped_ = false;

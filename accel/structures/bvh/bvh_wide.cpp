@@ -9,6 +9,9 @@
 #ifndef WIDE_NAME
 #define WIDE_NAME "bvh_wide"
 #endif
+#ifndef WIDE_WIDTH
+#define WIDE_WIDTH 16
+#endif
 
 namespace raybench {
 namespace {
@@ -29,7 +32,7 @@ class BvhWide {
   static std::span<const rb_param> Params() {
     static const rb_param params[] = {
         NumericsParam(offsetof(Config, numerics)),
-        IntParam("bins", "bins per axis", offsetof(Config, bins), 2, 64, 16),
+        IntParam("bins", "bins per axis", offsetof(Config, bins), 2, 64, 32),
         IntParam("leaf_size", "most primitives in a leaf", offsetof(Config, leaf_size), 1, 8, 8),
         IntParam("binary_leaf", "x", offsetof(Config, binary_leaf), 1, 8, 8),
         IntParam("reinsertion", "x", offsetof(Config, reinsertion), 0, 16, 0),
@@ -51,8 +54,8 @@ class BvhWide {
       BinaryTree tree = BuildBinnedSah(geometry, {uint32_t(config.bins), binary, IsConservative(config.numerics)},
                                        options.cancel);
       if (config.reinsertion > 0) tree = Reinsert(std::move(tree), uint32_t(config.reinsertion), binary, options.cancel);
-      SahCosts costs{uint32_t(config.leaf_size), 8, float(config.traversal_cost)};
-      tree_ = WideTree<8>(geometry, tree, Collapse(tree, 8, costs));
+      SahCosts costs{uint32_t(config.leaf_size), (WIDE_WIDTH < 8 ? WIDE_WIDTH : 8), float(config.traversal_cost)};
+      tree_ = WideTree<WIDE_WIDTH>(geometry, tree, Collapse(tree, WIDE_WIDTH, costs));
     });
     RequireWithinLimit(Memory().nodes + Memory().prims, options);
   }
@@ -69,7 +72,7 @@ class BvhWide {
 
  private:
   uint32_t numerics_, claim_;
-  WideTree<8> tree_;
+  WideTree<WIDE_WIDTH> tree_;
 };
 
 }  // namespace
