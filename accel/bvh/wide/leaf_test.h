@@ -8,6 +8,9 @@
 #include "accel/ray/leaf_blocks.h"
 #include "accel/ray/primitive.h"
 
+#ifndef DECIDE
+#define DECIDE [[gnu::noinline]]
+#endif
 namespace raybench {
 
 /// Any test, also of procedural primitives.
@@ -30,31 +33,26 @@ class SharedLeafTest {
   RayState<Test> state_;
 };
 
-/// WatertightTest.
+/// WatertightTest. All decisions are taken in all lanes, those in double too.
 template <int kLanes>
 class WatertightLeafTest {
   using F = FloatN<kLanes>;
   using I = IntN<kLanes>;
-  using Double4 = Vec<double, 4>;
+  using D = Vec<double, kLanes>;
   static constexpr float kLeast = 0x1p-60f;
 
  public:
   using Block = typename LeafBlocks<kLanes>::Block;
 
-  [[gnu::always_inline]] WatertightLeafTest(const RayQuery& q, const SlabRay4& slab,
-                                            const rb_geometry&)
+  [[gnu::always_inline]] WatertightLeafTest(const RayQuery& q, const SlabRay4& slab, const rb_geometry&)
       : query_(q), slab_(slab) {
     const RayShear shear(q.ray);
     kx_ = unsigned(shear.kx), ky_ = unsigned(shear.ky), kz_ = unsigned(shear.kz);
-    org_x_ = Splat<F>(q.ray.org[kx_]), org_y_ = Splat<F>(q.ray.org[ky_]), org_z_ = Splat<F>(q.ray.org[kz_]);
-    sx_ = Splat<F>(shear.sx), sy_ = Splat<F>(shear.sy);
-    dz_ = q.ray.dir[kz_];
-    const auto flip = [&](unsigned axis) { return Splat<IntN<kLanes>>(int32_t(slab.signs >> axis & 1u) << 31); };
-    flip_x_ = flip(kx_), flip_y_ = flip(ky_), flip_z_ = flip(kz_);
+    org_x_ = q.ray.org[kx_], org_y_ = q.ray.org[ky_], org_z_ = q.ray.org[kz_];
+    sx_ = shear.sx, sy_ = shear.sy, dz_ = q.ray.dir[kz_];
+    // Products of slopes and z do not underflow where both are ordinary.
     const auto ordinary = [](float slope) { return std::fabs(slope) >= kLeast || slope == 0; };
-    const bool all = ordinary(shear.sx) & ordinary(shear.sy);
-    least_z_ = all ? kLeast : std::numeric_limits<float>::infinity();
-    zero_z_ = all ? 0 : std::numeric_limits<float>::quiet_NaN();
+    least_z_ = ordinary(sx_) & ordinary(sy_) ? kLeast : std::numeric_limits<float>::infinity();
   }
 
   template <bool kAnyHit>
@@ -66,104 +64,106 @@ class WatertightLeafTest {
   }
 
  private:
+  struct Sheared {
+    F x[3], y[3], z[3];
+  };
+
+  [[gnu::always_inline]] Sheared Shear(const Block& block) const {
+    Sheared s;
+    for (int c = 0; c < 3; ++c) {
+      s.z[c] = Load<F>(block.v[c][kz_]) - Splat<F>(org_z_);
+      s.x[c] = (Load<F>(block.v[c][kx_]) - Splat<F>(org_x_)) - Splat<F>(sx_) * s.z[c];
+      s.y[c] = (Load<F>(block.v[c][ky_]) - Splat<F>(org_y_)) - Splat<F>(sy_) * s.z[c];
+    }
+    return s;
+  }
+
   template <bool kAnyHit>
   [[gnu::always_inline]] bool TakeBlock(const Block& block, rb_hit& best) const {
-    F x[3], y[3], z[3];
-    for (int c = 0; c < 3; ++c) {
-      z[c] = Load<F>(block.v[c][kz_]) - org_z_;
-      x[c] = (Load<F>(block.v[c][kx_]) - org_x_) - sx_ * z[c];
-      y[c] = (Load<F>(block.v[c][ky_]) - org_y_) - sy_ * z[c];
-    }
-    const F u = x[2] * y[1] - y[2] * x[1], v = x[0] * y[2] - y[0] * x[2], w = x[1] * y[0] - y[1] * x[0];
+    const Sheared s = Shear(block);
+    const F u = s.x[2] * s.y[1] - s.y[2] * s.x[1], v = s.x[0] * s.y[2] - s.y[0] * s.x[2],
+            w = s.x[1] * s.y[0] - s.y[1] * s.x[0];
     const F tiny = Splat<F>(RayShear::kTiny);
     const F least = Smaller<kLanes>(u, Smaller<kLanes>(v, w)),
             most = Larger<kLanes>(u, Larger<kLanes>(v, w));
-    unsigned candidates =
+    const unsigned candidates =
         ~(Less<kLanes>(least, -tiny) & Less<kLanes>(tiny, most)) & kAllLanes<kLanes>;
     if (candidates == 0) return false;
-    if ((candidates & AnyBehind(z, flip_z_)) != 0) {
-      const Block* again = &block;  // not kept in registers until here
-      asm("" : "+r"(again));
-      candidates &= ~Behind(*again, x, y, z, u, v, w, least + most);
-      if (candidates == 0) return false;
-    }
-    Sheared s;
-    for (int c = 0; c < 3; ++c) {
-      std::memcpy(s.x[c], &x[c], sizeof x[c]);
-      std::memcpy(s.y[c], &y[c], sizeof x[c]);
-      std::memcpy(s.z[c], &z[c], sizeof x[c]);
-    }
+    return Decide<kAnyHit>(block, candidates, best);
+  }
+
+  static F ToFloat(D d) { return __builtin_convertvector(d, F); }
+  static D ToDouble(F f) { return __builtin_convertvector(f, D); }
+  static unsigned MaskOf(Vec<int64_t, kLanes> lanes) {
+    return Mask(__builtin_convertvector(lanes, I));
+  }
+
+  /// As RayState<WatertightTest>::Triangle, for the candidates.
+  template <bool kAnyHit>
+  DECIDE bool Decide(const Block& block, unsigned candidates, rb_hit& best) const {
+    const Sheared s = Shear(block);
+    const F least_z = Smaller<kLanes>(Abs(s.z[0]), Smaller<kLanes>(Abs(s.z[1]), Abs(s.z[2])));
+    unsigned unusual = candidates & Less<kLanes>(least_z, Splat<F>(least_z_));
+    // u, v, w of exact products, as in IntersectSheared.
+    const D x0 = ToDouble(s.x[0]), x1 = ToDouble(s.x[1]), x2 = ToDouble(s.x[2]), y0 = ToDouble(s.y[0]),
+            y1 = ToDouble(s.y[1]), y2 = ToDouble(s.y[2]), z0 = ToDouble(s.z[0]), z1 = ToDouble(s.z[1]),
+            z2 = ToDouble(s.z[2]);
+    const D u = x2 * y1 - y2 * x1, v = x0 * y2 - y0 * x2, w = x1 * y0 - y1 * x0, zero{};
+    const D det = u + v + w;
+    const auto outside =
+        (((u < zero) | (v < zero) | (w < zero)) & ((u > zero) | (v > zero) | (w > zero))) | (det == zero);
+    const D z = (u * z0 + v * z1 + w * z2) / det;
+    const D t = z / Splat<D>(dz_);
+    const auto absolute = [](D d) { return D(Vec<int64_t, kLanes>(d) & 0x7FFFFFFFFFFFFFFF); };
+    const auto in_plane = absolute(z) < 0x1p-48 * (absolute(z0) + absolute(z1) + absolute(z2));
+    candidates &= ~MaskOf(outside);
+    unusual |= candidates & MaskOf(in_plane);
+    F tnear, tfar;
+    Interval(block, tnear, tfar);
+    const F clamped = Smaller<kLanes>(tfar, Larger<kLanes>(tnear, ToFloat(t)));
+    candidates &= LessEqual<kLanes>(tnear, tfar) & LessEqual<kLanes>(clamped, Splat<F>(best.t)) &
+                  LessEqual<kLanes>(Splat<F>(query_.ray.tnear), clamped) & ~unusual;
     bool changed = false;
-    do {
+    while (candidates != 0) {
       const int i = __builtin_ctz(candidates);
       candidates &= candidates - 1;
-      changed |= Finish(block, s, i, best);
+      const float ti = clamped[i];
+      if (!query_.Accepts(ti, block.prim[i], best)) continue;
+      best = {ti, float(v[i] / det[i]), float(w[i] / det[i]), block.prim[i]};
+      if (kAnyHit) return true;
+      changed = true;
+    }
+    while (unusual != 0) [[unlikely]] {
+      const int i = __builtin_ctz(unusual);
+      unusual &= unusual - 1;
+      changed |= TakeOne(query_, block, i, best);
       if (kAnyHit && changed) return true;
-    } while (candidates != 0);
+    }
     return changed;
   }
 
-  /// Bit i: triangle i surely lies behind the origin: t < 0 and the box's near end < 0. Mostly the one that the ray
-  /// starts from.
-  [[gnu::always_inline]] unsigned Behind(const Block& block, const F (&x)[3], const F (&y)[3],
-                                         const F (&z)[3], F u, F v, F w, F sum) const {
-    F across = Abs(x[0]), along = Abs(z[0]), px[3], py[3];
-    for (int c = 0; c < 3; ++c) {
-      across = Larger<kLanes>(across, Larger<kLanes>(Abs(x[c]), Abs(y[c])));
-      along = Larger<kLanes>(along, Abs(z[c]));
-      px[c] = Load<F>(block.v[c][kx_]) - org_x_, py[c] = Load<F>(block.v[c][ky_]) - org_y_;
+  /// Of PaddedBounds of the triangles, as SlabRay::Interval has it.
+  [[gnu::always_inline]] void Interval(const Block& block, F& tnear, F& tfar) const {
+    F lo[3], hi[3];
+    for (int a = 0; a < 3; ++a) {
+      const F p0 = Load<F>(block.v[0][a]), p1 = Load<F>(block.v[1][a]), p2 = Load<F>(block.v[2][a]);
+      lo[a] = Smaller<kLanes>(p0, Smaller<kLanes>(p1, p2)), hi[a] = Larger<kLanes>(p0, Larger<kLanes>(p1, p2));
     }
-    const F t = u * z[0] + v * z[1] + w * z[2];
-    // Each of u, v, w errs by 2^-22.9 across^2.
-    const F error = across * across * along * 0x1p-18f;
-    return AnyBehind(px, flip_x_) & AnyBehind(py, flip_y_) & Less<kLanes>(error, Abs(t)) &
-           Mask(F(I(t) ^ I(sum) ^ flip_z_));
-  }
-  [[gnu::always_inline]] static unsigned AnyBehind(const F (&d)[3], I flip) {
-    return Mask(F((I(d[0]) ^ flip) | (I(d[1]) ^ flip) | (I(d[2]) ^ flip)));
-  }
-
-  struct Sheared {
-    float x[3][kLanes], y[3][kLanes], z[3][kLanes];
-  };
-
-  /// As RayState<WatertightTest>::Triangle.
-  [[gnu::always_inline]] bool Finish(const Block& block, const Sheared& s, int i, rb_hit& best) const {
-    const Float4 x{s.x[0][i], s.x[1][i], s.x[2][i], 0}, y{s.y[0][i], s.y[1][i], s.y[2][i], 0};
-    const Float4 zs{s.z[0][i], s.z[1][i], s.z[2][i], 1};
-    // Where products with slopes may underflow, or slopes are NaN, vertices are sheared in double.
-    if (Mask((Abs(zs) >= least_z_) | (zs == zero_z_)) != 15u) [[unlikely]]
-      return FinishInDouble(query_, block, i, best);
-    const auto shuffled = [](Float4 v, auto a, auto b, auto c) {
-      return __builtin_convertvector(__builtin_shufflevector(v, v, a.value, b.value, c.value, 3), Double4);
-    };
-    constexpr std::integral_constant<int, 0> k0;
-    constexpr std::integral_constant<int, 1> k1;
-    constexpr std::integral_constant<int, 2> k2;
-    // Exact products: u, v, w as in IntersectSheared.
-    const Double4 e = shuffled(x, k2, k0, k1) * shuffled(y, k1, k2, k0) -
-                      shuffled(y, k2, k0, k1) * shuffled(x, k1, k2, k0);
-    const double u = e[0], v = e[1], w = e[2];
-    if (((u < 0) | (v < 0) | (w < 0)) & ((u > 0) | (v > 0) | (w > 0))) return false;
-    const double det = u + v + w;
-    const double z0 = s.z[0][i], z1 = s.z[1][i], z2 = s.z[2][i];
-    const double z = (u * z0 + v * z1 + w * z2) / det;
-    const double t = z / double(dz_);
-    if ((det == 0) | (std::fabs(z) < 0x1p-48 * (std::fabs(z0) + std::fabs(z1) + std::fabs(z2)))) [[unlikely]]
-      return FinishInDouble(query_, block, i, best);
-    Float4 p[3];
-    for (int c = 0; c < 3; ++c) p[c] = Float4{block.v[c][0][i], block.v[c][1][i], block.v[c][2][i], 0};
-    float tnear, tfar;
-    slab_.PaddedInterval(p, tnear, tfar);
-    const float clamped = std::min(std::max(float(t), tnear), tfar);
-    const uint32_t prim = block.prim[i];
-    if ((tnear > tfar) | !query_.Accepts(clamped, prim, best)) return false;
-    best = {clamped, float(v / det), float(w / det), prim};
-    return true;
+    const F extent = Larger<kLanes>(hi[0] - lo[0], Larger<kLanes>(hi[1] - lo[1], hi[2] - lo[2]));
+    const F pad = Larger<kLanes>(extent * 0x1p-20f, Splat<F>(std::numeric_limits<float>::denorm_min()));
+    constexpr float kInf = std::numeric_limits<float>::infinity();
+    tnear = Splat<F>(-kInf), tfar = Splat<F>(kInf);
+    for (int a = 0; a < 3; ++a) {
+      lo[a] = lo[a] - Larger<kLanes>(pad, Abs(lo[a]) * 0x1p-23f);
+      hi[a] = hi[a] + Larger<kLanes>(pad, Abs(hi[a]) * 0x1p-23f);
+      const I upper_first = Splat<I>(slab_.negative[a]);
+      const F first = upper_first ? hi[a] : lo[a], second = upper_first ? lo[a] : hi[a];
+      tnear = Larger<kLanes>((first - Splat<F>(slab_.org[a])) * Splat<F>(slab_.inv_near[a]), tnear);
+      tfar = Smaller<kLanes>((second - Splat<F>(slab_.org[a])) * Splat<F>(slab_.inv_far[a]), tfar);
+    }
   }
 
-  [[gnu::noinline]] static bool FinishInDouble(const RayQuery& query, const Block& block, int i,
-                                               rb_hit& best) {
+  [[gnu::noinline]] static bool TakeOne(const RayQuery& query, const Block& block, int i, rb_hit& best) {
     const RayState<WatertightTest> state(query);
     const auto corner = [&](int c) { return Vec3f{block.v[c][0][i], block.v[c][1][i], block.v[c][2][i]}; };
     return state.Triangle(corner(0), corner(1), corner(2), block.prim[i], best);
@@ -171,10 +171,8 @@ class WatertightLeafTest {
 
   const RayQuery& query_;
   const SlabRay4& slab_;
-  F org_x_, org_y_, org_z_, sx_, sy_;
-  IntN<kLanes> flip_x_, flip_y_, flip_z_;  ///< the sign of the direction
-  float dz_, least_z_, zero_z_;
   unsigned kx_, ky_, kz_;
+  float org_x_, org_y_, org_z_, sx_, sy_, dz_, least_z_;
 };
 
 }  // namespace raybench

@@ -10,7 +10,7 @@
 #include "accel/ray/primitive.h"
 
 #ifndef PREFETCH
-#define PREFETCH 4
+#define PREFETCH 7
 #endif
 namespace raybench {
 
