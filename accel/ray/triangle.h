@@ -150,7 +150,8 @@ struct RayShear {
   int kx, ky, kz;  ///< kz: the ray's main axis
   float sx, sy;    ///< slopes; NaN: in double
 
-  [[gnu::always_inline]] explicit RayShear(const rb_ray& ray) : org(LoadVec3(ray.org)), dir(LoadVec3(ray.dir)) {
+  [[gnu::always_inline]] explicit RayShear(const rb_ray& ray)
+      : org(LoadVec3(ray.org)), dir(LoadVec3(ray.dir)) {
     const float ax = std::fabs(dir.x), ay = std::fabs(dir.y), az = std::fabs(dir.z);
     // Which axis it is changes from ray to ray: no branches.
     const int of_xy = int(!(ax > ay)), is_z = int(!(std::max(ax, ay) > az));

@@ -10,8 +10,6 @@
 namespace raybench {
 namespace {
 
-constexpr uint32_t kMaxWidth = 16;
-
 float HalfArea(const BuildNode& n) {
   const float x = n.hi[0] - n.lo[0], y = n.hi[1] - n.lo[1], z = n.hi[2] - n.lo[2];
   return x * y + y * z + z * x;
@@ -56,7 +54,8 @@ class Collapser {
     Solution l, r;
     const uint32_t lefts = (node.right - slot) / 2;
     Both(
-        entries, [&] { l = Solve(slot + 1, lefts); }, [&] { r = Solve(node.right, entries - std::min(lefts, entries)); });
+        entries, [&] { l = Solve(slot + 1, lefts); },
+        [&] { r = Solve(node.right, entries - std::min(lefts, entries)); });
     s.count = choice.count = l.count + r.count;
     s.most = std::min(kWidth, l.most + r.most);
     float best = std::numeric_limits<float>::infinity();
@@ -160,8 +159,11 @@ class Collapser {
 
 }  // namespace
 
+uint64_t CollapsePeakBytes(uint64_t entries, uint32_t width) {
+  return entries * (2 * (sizeof(BuildNode) + width + 8) + sizeof(uint32_t));
+}
+
 WideTopology Collapse(const BinaryTree& tree, uint32_t width, const SahCosts& costs) {
-  static_assert(kMaxWidth == 16);
   switch (width) {
     case 4:
       return Collapser<4>(tree, costs).Take();

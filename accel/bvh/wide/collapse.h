@@ -8,6 +8,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "accel/bvh/binary_tree.h"
@@ -24,11 +25,18 @@ struct WideTopology {
   std::vector<Child> children;  ///< of all nodes, one after the other
   std::vector<uint32_t> begin;  ///< node -> its first child; one more entry at the end
 
+  std::span<const Child> ChildrenOf(uint32_t node) const {
+    return std::span(children).subspan(begin[node], begin[node + 1] - begin[node]);
+  }
   uint32_t nodes() const { return uint32_t(begin.size()) - 1; }
 };
 
 /// `costs.leaf_size`: most primitives of a leaf. Children are in the order of falling area, leaves first.
-/// Runs inside the caller's task arena. The tree has more than one leaf... or one: then no node, one leaf.
+/// A tree that is one leaf has no
+/// node and that one child. Runs inside the caller's task arena.
 WideTopology Collapse(const BinaryTree& tree, uint32_t width, const SahCosts& costs);
+
+/// Bytes that it takes at its peak, with the binary tree over so many entries.
+uint64_t CollapsePeakBytes(uint64_t entries, uint32_t width);
 
 }  // namespace raybench

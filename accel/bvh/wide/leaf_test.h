@@ -1,36 +1,46 @@
-// The shared ray-triangle tests on a whole block of triangles, for traversals that spend most of their time there:
-// the same decisions to the bit as RayState (accel/ray/primitive.h), with the ray's constants spread over the lanes
-// once, and without a branch on its main axis.
+// How traversal tests leaves: a block of triangles in all lanes at once, to the same decisions and the same bits as
+// RayState (accel/ray/primitive.h), without a branch on the ray's main axis.
 #pragma once
 
-#include "accel/bvh/wide/rays.h"
-#include "accel/contract/counting.h"
+#include <limits>
+
+#include "accel/bvh/wide/ray.h"
 #include "accel/ray/leaf_blocks.h"
 #include "accel/ray/primitive.h"
 
-#ifndef DECIDE
-#define DECIDE [[gnu::noinline]]
-#endif
 namespace raybench {
 
-/// Any test, also of procedural primitives.
-template <class Test, bool kProcedural, int kLanes>
-class SharedLeafTest {
+/// Whatever is asked seldom, as a call: any test, also of procedural primitives.
+template <int kLanes>
+class CalledLeafTest {
  public:
   using Block = typename LeafBlocks<kLanes>::Block;
-  SharedLeafTest(const RayQuery& q, const SlabRay4&, const rb_geometry& geometry)
-      : geometry_(geometry), state_(q) {}
+
+  template <class Test>
+  CalledLeafTest(const RayState<Test>& state, const rb_geometry& geometry)
+      : state_(&state),
+        geometry_(geometry),
+        closest_(geometry.procedural_count > 0 ? &Call<Test, true, false> : &Call<Test, false, false>),
+        any_(geometry.procedural_count > 0 ? &Call<Test, true, true> : &Call<Test, false, true>) {}
 
   template <bool kAnyHit>
   bool Take(const Block& block, rb_hit& best) const {
-    NoCounting counter;
-    return LeafBlocks<kLanes>::template IntersectBlocks<kProcedural, kAnyHit>(
-        geometry_, &block, kLanes, state_, best, counter, NoMailbox{});
+    return (kAnyHit ? any_ : closest_)(state_, geometry_, block, best);
   }
 
  private:
+  using Function = bool (*)(const void* state, const rb_geometry&, const Block&, rb_hit&);
+
+  template <class Test, bool kProcedural, bool kAnyHit>
+  static bool Call(const void* state, const rb_geometry& geometry, const Block& block, rb_hit& best) {
+    NoCounting counted;
+    return LeafBlocks<kLanes>::template IntersectBlocks<kProcedural, kAnyHit>(
+        geometry, &block, kLanes, *static_cast<const RayState<Test>*>(state), best, counted, NoMailbox{});
+  }
+
+  const void* state_;
   const rb_geometry& geometry_;
-  RayState<Test> state_;
+  Function closest_, any_;
 };
 
 /// WatertightTest. All decisions are taken in all lanes, those in double too.
@@ -44,8 +54,8 @@ class WatertightLeafTest {
  public:
   using Block = typename LeafBlocks<kLanes>::Block;
 
-  [[gnu::always_inline]] WatertightLeafTest(const RayQuery& q, const SlabRay4& slab, const rb_geometry&)
-      : query_(q), slab_(slab) {
+  [[gnu::always_inline]] WatertightLeafTest(const RayQuery& q, const SlabRay4& slab, bool needs_uv)
+      : query_(q), slab_(slab), needs_uv_(needs_uv) {
     const RayShear shear(q.ray);
     kx_ = unsigned(shear.kx), ky_ = unsigned(shear.ky), kz_ = unsigned(shear.kz);
     org_x_ = q.ray.org[kx_], org_y_ = q.ray.org[ky_], org_z_ = q.ray.org[kz_];
@@ -84,23 +94,19 @@ class WatertightLeafTest {
     const F u = s.x[2] * s.y[1] - s.y[2] * s.x[1], v = s.x[0] * s.y[2] - s.y[0] * s.x[2],
             w = s.x[1] * s.y[0] - s.y[1] * s.x[0];
     const F tiny = Splat<F>(RayShear::kTiny);
-    const F least = Smaller<kLanes>(u, Smaller<kLanes>(v, w)),
-            most = Larger<kLanes>(u, Larger<kLanes>(v, w));
-    const unsigned candidates =
-        ~(Less<kLanes>(least, -tiny) & Less<kLanes>(tiny, most)) & kAllLanes<kLanes>;
+    const F least = Smaller<kLanes>(u, Smaller<kLanes>(v, w)), most = Larger<kLanes>(u, Larger<kLanes>(v, w));
+    const unsigned candidates = ~(Less<kLanes>(least, -tiny) & Less<kLanes>(tiny, most)) & kAllLanes<kLanes>;
     if (candidates == 0) return false;
     return Decide<kAnyHit>(block, candidates, best);
   }
 
   static F ToFloat(D d) { return __builtin_convertvector(d, F); }
   static D ToDouble(F f) { return __builtin_convertvector(f, D); }
-  static unsigned MaskOf(Vec<int64_t, kLanes> lanes) {
-    return Mask(__builtin_convertvector(lanes, I));
-  }
+  static unsigned MaskOf(Vec<int64_t, kLanes> lanes) { return Mask(__builtin_convertvector(lanes, I)); }
 
   /// As RayState<WatertightTest>::Triangle, for the candidates.
   template <bool kAnyHit>
-  DECIDE bool Decide(const Block& block, unsigned candidates, rb_hit& best) const {
+  [[gnu::always_inline]] bool Decide(const Block& block, unsigned candidates, rb_hit& best) const {
     const Sheared s = Shear(block);
     const F least_z = Smaller<kLanes>(Abs(s.z[0]), Smaller<kLanes>(Abs(s.z[1]), Abs(s.z[2])));
     unsigned unusual = candidates & Less<kLanes>(least_z, Splat<F>(least_z_));
@@ -129,16 +135,17 @@ class WatertightLeafTest {
       candidates &= candidates - 1;
       const float ti = clamped[i];
       if (!query_.Accepts(ti, block.prim[i], best)) continue;
-      best = {ti, float(v[i] / det[i]), float(w[i] / det[i]), block.prim[i]};
+      best = {ti, 0, 0, block.prim[i]};
       if (kAnyHit) return true;
+      if (needs_uv_) best.u = float(v[i] / det[i]), best.v = float(w[i] / det[i]);
       changed = true;
     }
     while (unusual != 0) [[unlikely]] {
-      const int i = __builtin_ctz(unusual);
-      unusual &= unusual - 1;
-      changed |= TakeOne(query_, block, i, best);
-      if (kAnyHit && changed) return true;
-    }
+        const int i = __builtin_ctz(unusual);
+        unusual &= unusual - 1;
+        changed |= TakeOne(query_, block, i, best);
+        if (kAnyHit && changed) return true;
+      }
     return changed;
   }
 
@@ -147,7 +154,8 @@ class WatertightLeafTest {
     F lo[3], hi[3];
     for (int a = 0; a < 3; ++a) {
       const F p0 = Load<F>(block.v[0][a]), p1 = Load<F>(block.v[1][a]), p2 = Load<F>(block.v[2][a]);
-      lo[a] = Smaller<kLanes>(p0, Smaller<kLanes>(p1, p2)), hi[a] = Larger<kLanes>(p0, Larger<kLanes>(p1, p2));
+      lo[a] = Smaller<kLanes>(p0, Smaller<kLanes>(p1, p2)),
+      hi[a] = Larger<kLanes>(p0, Larger<kLanes>(p1, p2));
     }
     const F extent = Larger<kLanes>(hi[0] - lo[0], Larger<kLanes>(hi[1] - lo[1], hi[2] - lo[2]));
     const F pad = Larger<kLanes>(extent * 0x1p-20f, Splat<F>(std::numeric_limits<float>::denorm_min()));
@@ -156,7 +164,7 @@ class WatertightLeafTest {
     for (int a = 0; a < 3; ++a) {
       lo[a] = lo[a] - Larger<kLanes>(pad, Abs(lo[a]) * 0x1p-23f);
       hi[a] = hi[a] + Larger<kLanes>(pad, Abs(hi[a]) * 0x1p-23f);
-      const I upper_first = Splat<I>(slab_.negative[a]);
+      const I upper_first = Splat<I>(-int32_t(slab_.signs >> a & 1));
       const F first = upper_first ? hi[a] : lo[a], second = upper_first ? lo[a] : hi[a];
       tnear = Larger<kLanes>((first - Splat<F>(slab_.org[a])) * Splat<F>(slab_.inv_near[a]), tnear);
       tfar = Smaller<kLanes>((second - Splat<F>(slab_.org[a])) * Splat<F>(slab_.inv_far[a]), tfar);
@@ -173,6 +181,7 @@ class WatertightLeafTest {
   const SlabRay4& slab_;
   unsigned kx_, ky_, kz_;
   float org_x_, org_y_, org_z_, sx_, sy_, dz_, least_z_;
+  bool needs_uv_;
 };
 
 }  // namespace raybench
