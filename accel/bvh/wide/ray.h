@@ -34,16 +34,18 @@ struct SlabRay4 {
 /// outward by 2^-22 of itself, and inv by 2^-21, once a ray: then the interval of a box contains the one that the
 /// shared test computes of it (with u = 2^-24: relative errors of at most 2 u there and 3 u here; 2 u |o inv| here;
 /// a near end below zero may move up, but stays below zero). Boxes grow by no more than the coordinates of the origin
-/// are worth. Not where products may overflow: see Fits.
+/// are worth. Where products may over- or underflow, Fits says no.
 template <int kWidth, bool kMoved>
 class WideRay {
  public:
   using F = FloatN<kWidth>;
 
+  /// Neither do products overflow, nor does o inv underflow.
   static bool Fits(const SlabRay4& slab) {
     constexpr float kMost = 0x1p60f;
-    const Float4 inv = Abs(slab.inv_far);
-    return (Mask((inv < kMost) & (inv > 1 / kMost) & (Abs(slab.org) < kMost)) & 7u) == 7u;
+    const Float4 inv = Abs(slab.inv_far), org = Abs(slab.org);
+    return (Mask((inv < kMost) & (inv > 1 / kMost) & (org < kMost) & ((org > 1 / kMost) | (org == 0.0f))) &
+            7u) == 7u;
   }
 
   [[gnu::always_inline]] explicit WideRay(const SlabRay4& slab) {
