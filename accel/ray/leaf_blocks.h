@@ -72,22 +72,24 @@ class LeafBlocks {
 
   /// Copies a leaf's primitives, at least one, to the blocks from `first` on.
   void Fill(size_t first, std::span<const uint32_t> prims) {
+    for (size_t k = 0; k < prims.size(); k += kLanes)
+      FillBlock(geometry_, prims.subspan(k, std::min<size_t>(kLanes, prims.size() - k)),
+                blocks_[first + k / kLanes]);
+  }
+
+  /// Copies 1 to kLanes primitives to a block, which may stand anywhere.
+  static void FillBlock(const rb_geometry& geometry, std::span<const uint32_t> prims, Block& block) {
     const size_t last = prims.size() - 1;
-    for (size_t k = 0; k < prims.size(); k += kLanes) {
-      Block& block = blocks_[first + k / kLanes];
-      for (uint32_t lane = 0; lane < kLanes; ++lane) block.prim[lane] = prims[std::min(k + lane, last)];
-      for (int c = 0; c < 3; ++c) {
-        auto corner = [&](uint32_t lane) {
-          // Lanes of procedural primitives hold no vertices.
-          const uint32_t prim = block.prim[lane];
-          return prim < geometry_.triangle_count
-                     ? Load<Float4>(geometry_.positions[geometry_.triangles[prim][c]])
-                     : Float4{};
-        };
-        for (uint32_t lane = 0; lane < kLanes; lane += 4)
-          StoreTransposed(corner(lane), corner(lane + 1), corner(lane + 2), corner(lane + 3), block.v[c],
-                          lane);
-      }
+    for (uint32_t lane = 0; lane < kLanes; ++lane) block.prim[lane] = prims[std::min<size_t>(lane, last)];
+    for (int c = 0; c < 3; ++c) {
+      auto corner = [&](uint32_t lane) {
+        // Lanes of procedural primitives hold no vertices.
+        const uint32_t prim = block.prim[lane];
+        return prim < geometry.triangle_count ? Load<Float4>(geometry.positions[geometry.triangles[prim][c]])
+                                              : Float4{};
+      };
+      for (uint32_t lane = 0; lane < kLanes; lane += 4)
+        StoreTransposed(corner(lane), corner(lane + 1), corner(lane + 2), corner(lane + 3), block.v[c], lane);
     }
   }
 
@@ -118,8 +120,15 @@ class LeafBlocks {
   template <bool kProcedural, bool kAnyHit, class Test, class Counter, class Box>
   [[gnu::always_inline]] bool Intersect(size_t first, uint32_t count, const RayState<Test>& ray, rb_hit& best,
                                         Counter& counter, Box&& mailbox) const {
+    return IntersectBlocks<kProcedural, kAnyHit>(geometry_, &blocks_[first], count, ray, best, counter,
+                                                 mailbox);
+  }
+  /// The same for blocks that stand anywhere.
+  template <bool kProcedural, bool kAnyHit, class Test, class Counter, class Box>
+  [[gnu::always_inline]] static bool IntersectBlocks(const rb_geometry& geometry, const Block* block,
+                                                     uint32_t count, const RayState<Test>& ray, rb_hit& best,
+                                                     Counter& counter, Box&& mailbox) {
     bool changed = false;
-    const Block* block = &blocks_[first];
     for (uint32_t left = count;; ++block) {
       unsigned candidates = (1u << std::min(left, kLanes)) - 1;
       candidates &= mailbox.Unseen(block->prim);
@@ -129,7 +138,7 @@ class LeafBlocks {
         for (; candidates != 0; candidates &= candidates - 1) {
           const int i = __builtin_ctz(candidates);
           if constexpr (kProcedural) {
-            changed |= ray.Primitive(geometry_, block->prim[i], best);
+            changed |= ray.Primitive(geometry, block->prim[i], best);
           } else {
             auto corner = [&](int c) {
               return Vec3f{block->v[c][0][i], block->v[c][1][i], block->v[c][2][i]};

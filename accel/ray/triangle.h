@@ -150,12 +150,15 @@ struct RayShear {
   int kx, ky, kz;  ///< kz: the ray's main axis
   float sx, sy;    ///< slopes; NaN: in double
 
-  explicit RayShear(const rb_ray& ray) : org(LoadVec3(ray.org)), dir(LoadVec3(ray.dir)) {
+  [[gnu::always_inline]] explicit RayShear(const rb_ray& ray)
+      : org(LoadVec3(ray.org)), dir(LoadVec3(ray.dir)) {
     const float ax = std::fabs(dir.x), ay = std::fabs(dir.y), az = std::fabs(dir.z);
-    kz = ax > ay ? (ax > az ? 0 : 2) : (ay > az ? 1 : 2);
-    kx = kz == 2 ? 0 : kz + 1;
-    ky = kx == 2 ? 0 : kx + 1;
-    sx = dir[kx] / dir[kz], sy = dir[ky] / dir[kz];
+    // Which axis it is changes from ray to ray: no branches.
+    const int of_xy = int(!(ax > ay)), is_z = int(!(std::max(ax, ay) > az));
+    kz = of_xy + (2 - of_xy) * is_z;
+    kx = 0b001001 >> 2 * kz & 3;  // 1, 2, 0
+    ky = 0b010010 >> 2 * kz & 3;  // 2, 0, 1
+    sx = ray.dir[kx] / ray.dir[kz], sy = ray.dir[ky] / ray.dir[kz];
     const float farthest = std::max(std::fabs(org.x), std::max(std::fabs(org.y), std::fabs(org.z)));
     const bool underflows =
         (std::fabs(sx) < kMinNormal && dir[kx] != 0) | (std::fabs(sy) < kMinNormal && dir[ky] != 0);
@@ -188,15 +191,15 @@ struct RayShear {
             DifferenceOfProducts(a[ky], d[kz], d[ky], a[kz]), a[kz]};
   }
 
- private:
-  static constexpr float kMinNormal = std::numeric_limits<float>::min();
-
   static double Across(float a, float s, float z) {
     const float product = s * z;
     if (std::max(std::fabs(a), std::fabs(product)) < kMinNormal) [[unlikely]]
       return double(a) - double(s) * double(z);
     return a - product;
   }
+
+ private:
+  static constexpr float kMinNormal = std::numeric_limits<float>::min();
 };
 
 /// t of the ray in the triangle's plane, measured from the vertex that is nearest to the origin, and, since a

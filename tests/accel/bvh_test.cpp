@@ -22,7 +22,13 @@ const std::string kBuilders[] = {"bvh_median",
                                  "bvh_ploc",
                                  "bvh_spatial",
                                  "bvh_morton(reinsertion=2)",
-                                 "bvh_spatial(reinsertion=1)"};
+                                 "bvh_spatial(reinsertion=1)",
+                                 "bvh_wide",
+                                 "bvh_wide(width=8,builder=sweep,reinsertion=1)",
+                                 "bvh_wide(width=4,builder=spatial)",
+                                 "bvh_wide(width=16,nodes=quantized16,builder=morton)",
+                                 "bvh_wide(width=8,nodes=quantized8,builder=spatial)",
+                                 "bvh_wide(width=4,nodes=quantized8,leaf_size=2)"};
 
 std::string NameOf(std::string spec) {
   for (char& c : spec) {
@@ -191,7 +197,7 @@ TEST_P(Bvh, LeavesHoldEveryPrimitive) {
         Moved(Needles(300), 0x1p27f, {0, 0, 0}, "large")}) {
     const rb_geometry geometry = mesh.Geometry();
     const Seen seen = Visit(Build(GetParam(), geometry), geometry);
-    const bool spatial = GetParam().starts_with("bvh_spatial");
+    const bool spatial = GetParam().find("spatial") != std::string::npos;
     EXPECT_EQ(seen.space_partition, spatial);
     EXPECT_FALSE(seen.repeats) << mesh.name;
     EXPECT_LT(seen.depth, kMaxTreeDepth);

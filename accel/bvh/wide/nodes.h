@@ -1,0 +1,105 @@
+// The nodes of wide trees: the boxes of kWidth children, and where these stand.
+//
+// Boxes are full floats or, an axis at a time, small integers on a grid that the node brings along (Ylitie, Karras,
+// Laine 2017; Benthin et al. 2018): plane = origin + q scale with a power of two as scale, so that the product is exact
+// and the sum rounded once, whether fused or not. Quantised boxes enclose the children's by the very arithmetic that
+// traversal uses.
+//
+// A node with fewer children repeats its first one behind the last, in boxes that no ray meets; should rounding make
+// one meet, a child is looked at twice, which changes nothing.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <limits>
+#include <span>
+#include <stdexcept>
+
+#include "accel/base/vec3.h"
+#include "accel/bvh/wide/lanes.h"
+
+namespace raybench {
+
+template <int kWidth>
+struct FullNode {
+  using F = FloatN<kWidth>;
+  float planes[6][kWidth];  // lower x y z, upper x y z
+  uint32_t child[kWidth];
+
+  void SetBoxes(std::span<const Bounds3> boxes) {
+    constexpr float kInf = std::numeric_limits<float>::infinity();
+    for (size_t c = 0; c < kWidth; ++c) {
+      for (int a = 0; a < 3; ++a) {
+        planes[a][c] = c < boxes.size() ? boxes[c].lo[a] : kInf;
+        planes[a + 3][c] = c < boxes.size() ? boxes[c].hi[a] : -kInf;
+      }
+    }
+  }
+  [[gnu::always_inline]] F Row(unsigned row) const { return Load<F>(planes[row]); }
+};
+
+template <int kWidth, class Grid>
+struct QuantizedNode {
+  using F = FloatN<kWidth>;
+  static constexpr int kMost = std::numeric_limits<Grid>::max();
+
+  float origin[3];
+  uint8_t exponent[4];  // biased, as in a float; the last one is 0
+  Grid q[6][kWidth];
+  uint32_t child[kWidth];
+
+  void SetBoxes(std::span<const Bounds3> boxes) {
+    Bounds3 all;
+    for (const Bounds3& b : boxes) all.Extend(b);
+    exponent[3] = 0;
+    for (int a = 0; a < 3; ++a) {
+      origin[a] = all.lo[a];
+      int e = 1;
+      std::frexp((all.hi[a] - all.lo[a]) / float(kMost), &e);
+      e = std::max(e + 126, 1);
+      while (!TrySet(boxes, a, e)) ++e;
+    }
+  }
+  [[gnu::always_inline]] F Row(unsigned row) const {
+    const unsigned a = row < 3 ? row : row - 3;
+    return Plane(a, Load<Vec<Grid, kWidth>>(q[row]));
+  }
+
+ private:
+  [[gnu::always_inline]] float Scale(unsigned axis) const {
+    const int32_t bits = int32_t(exponent[axis]) << 23;
+    float scale;
+    std::memcpy(&scale, &bits, sizeof scale);
+    return scale;
+  }
+  [[gnu::always_inline]] F Plane(unsigned axis, Vec<Grid, kWidth> grid) const {
+    const F steps = __builtin_convertvector(__builtin_convertvector(grid, IntN<kWidth>), F);
+    return MultiplyAdd<kWidth>(steps, Splat<F>(Scale(axis)), Splat<F>(origin[axis]));
+  }
+  float At(unsigned axis, int step) const { return origin[axis] + float(step) * Scale(axis); }
+
+  /// False if boxes reach beyond the grid.
+  bool TrySet(std::span<const Bounds3> boxes, int axis, int e) {
+    if (e > 254) throw std::runtime_error("a box is too large for quantised nodes");
+    const unsigned a = unsigned(axis);
+    exponent[a] = uint8_t(e);
+    for (size_t c = 0; c < kWidth; ++c) {
+      int lower = kMost, upper = 0;
+      if (c < boxes.size()) {
+        const double scale = Scale(a), from = origin[a];
+        const auto clamped = [](double x) { return int(std::min(std::max(x, 0.0), double(kMost))); };
+        lower = clamped(std::floor((boxes[c].lo[axis] - from) / scale));
+        upper = clamped(std::ceil((boxes[c].hi[axis] - from) / scale));
+        while (lower > 0 && At(a, lower) > boxes[c].lo[axis]) --lower;
+        while (upper < kMost && At(a, upper) < boxes[c].hi[axis]) ++upper;
+        if (At(a, upper) < boxes[c].hi[axis]) return false;
+      }
+      q[a][c] = Grid(lower), q[a + 3][c] = Grid(upper);
+    }
+    return true;
+  }
+};
+
+}  // namespace raybench

@@ -1,0 +1,325 @@
+// How rays walk wide BVHs, and how these are laid out. A width, a node format and a leaf test make one loop; width4.cpp
+// and its neighbours hold them all.
+#pragma once
+
+#include <algorithm>
+#include <stdexcept>
+#include <type_traits>
+#include <vector>
+
+#include "accel/base/huge_array.h"
+#include "accel/base/parallel.h"
+#include "accel/bvh/wide/leaf_test.h"
+#include "accel/bvh/wide/nodes.h"
+#include "accel/bvh/wide/ray.h"
+#include "accel/bvh/wide/wide_bvh.h"
+#include "accel/contract/counting.h"
+
+namespace raybench {
+
+template <int kWidth, class Node>
+class WideBvhOf final : public WideBvh {
+  static constexpr int kLanes = int(LeafLanes(kWidth));
+  using F = FloatN<kWidth>;
+  using Block = typename LeafBlocks<kLanes>::Block;
+
+ public:
+  WideBvhOf(const rb_geometry& geometry, const BinaryTree& tree, const WideTopology& topology, bool needs_uv)
+      : geometry_(geometry), clipped_(tree.clipped), needs_uv_(needs_uv), node_count_(topology.nodes()) {
+    bounds_ = BoundsOf(tree.nodes[0]);
+    if (node_count_ == 0) {
+      Allocate(kBlockLines);
+      leaf_count_ = 1, root_ = kLeaf;
+      Fill(0, tree, topology.children[0]);
+      return;
+    }
+    std::vector<uint32_t> place(node_count_);
+    uint64_t lines = 0;
+    for (uint32_t i = 0; i < node_count_; ++i) {
+      place[i] = uint32_t(std::min<uint64_t>(lines, kLeaf));
+      uint32_t leaves = 0;
+      for (const WideTopology::Child& child : topology.ChildrenOf(i)) leaves += child.count > 0;
+      leaf_count_ += leaves;
+      lines += kNodeLines + leaves * uint64_t{kBlockLines};
+    }
+    Allocate(lines);
+    root_ = 0;
+    ParallelFor(Range<size_t>(0, node_count_, 256), [&](const auto& range) {
+      for (size_t i = range.begin(); i < range.end(); ++i) LayOut(uint32_t(i), place, tree, topology);
+    });
+  }
+
+  void Query(uint32_t numerics, const rb_query& query, bool counted) const override {
+    WithNumerics(numerics, [&]<class Test>() {
+      counted ? QueryWith<Test, Counting>(query) : QueryWith<Test, NoCounting>(query);
+    });
+  }
+
+  MemoryUse Memory() const override {
+    return {lines_.bytes() - leaf_count_ * sizeof(Block), leaf_count_ * sizeof(Block),
+            geometry_.procedural_count > 0};
+  }
+
+  int Visit(const std::function<int(const rb_node&)>& node) const override {
+    return VisitBelow(root_, bounds_, 0, node);
+  }
+
+ private:
+  static constexpr uint32_t kLeaf = 0x80000000u, kEnd = 0xFFFFFFFFu;
+  struct alignas(32) Line {
+    std::byte bytes[32];
+  };
+  static constexpr uint32_t kNodeLines = (sizeof(Node) + sizeof(Line) - 1) / sizeof(Line),
+                            kBlockLines = sizeof(Block) / sizeof(Line);
+  static_assert(sizeof(Block) % sizeof(Line) == 0);
+
+  // --- layout ---
+
+  void Allocate(uint64_t lines) {
+    if (lines >= kLeaf) throw std::runtime_error("too many primitives");
+    lines_ = HugeArray<Line>(lines);
+  }
+  static Bounds3 BoundsOf(const BuildNode& node) { return {LoadVec3(node.lo), LoadVec3(node.hi)}; }
+
+  void Fill(uint32_t line, const BinaryTree& tree, const WideTopology::Child& leaf) {
+    LeafBlocks<kLanes>::FillBlock(geometry_, {&tree.order[leaf.first], leaf.count},
+                                  reinterpret_cast<Block&>(lines_[line]));
+  }
+
+  void LayOut(uint32_t i, const std::vector<uint32_t>& place, const BinaryTree& tree,
+              const WideTopology& topology) {
+    Node& node = reinterpret_cast<Node&>(lines_[place[i]]);
+    Bounds3 boxes[kWidth];
+    uint32_t leaf = place[i] + kNodeLines, c = 0;
+    for (const WideTopology::Child& child : topology.ChildrenOf(i)) {
+      boxes[c] = BoundsOf(tree.nodes[child.slot]);
+      if (child.count > 0) {
+        Fill(leaf, tree, child);
+        node.child[c] = kLeaf | leaf;
+        leaf += kBlockLines;
+      } else {
+        node.child[c] = place[child.first];
+      }
+      ++c;
+    }
+    node.SetBoxes({boxes, c});
+    for (; c < uint32_t(kWidth); ++c) node.child[c] = node.child[0];
+  }
+
+  const Node& NodeOf(uint32_t ref) const { return reinterpret_cast<const Node&>(lines_[ref]); }
+  const Block& BlockOf(uint32_t ref) const { return reinterpret_cast<const Block&>(lines_[ref & ~kLeaf]); }
+
+  /// The lanes behind a leaf's last primitive repeat it.
+  static uint32_t LeafSize(const Block& block) {
+    uint32_t n = 1;
+    while (block.prim[n - 1] != block.prim[kLanes - 1]) ++n;
+    return n;
+  }
+
+  int VisitBelow(uint32_t ref, const Bounds3& box, uint32_t depth,
+                 const std::function<int(const rb_node&)>& node) const {
+    const float bounds[6] = {box.lo.x, box.lo.y, box.lo.z, box.hi.x, box.hi.y, box.hi.z};
+    rb_node shown{depth, 0, clipped_, RB_SHAPE_BOX, bounds, 6, 0, nullptr};
+    if ((ref & kLeaf) != 0) {
+      shown.is_leaf = 1, shown.prims = BlockOf(ref).prim, shown.prim_count = LeafSize(BlockOf(ref));
+      return node(shown);
+    }
+    if (int stop = node(shown)) return stop;
+    const Node& n = NodeOf(ref);
+    F rows[6];
+    for (unsigned r = 0; r < 6; ++r) rows[r] = n.Row(r);
+    for (int c = 0; c < kWidth && (c == 0 || n.child[c] != n.child[0]); ++c) {
+      Bounds3 child{{rows[0][c], rows[1][c], rows[2][c]}, {rows[3][c], rows[4][c], rows[5][c]}};
+      // A grid may reach beyond the node's own box, where no ray that enters the node is.
+      child = {Max(child.lo, box.lo), Min(child.hi, box.hi)};
+      if (int stop = VisitBelow(n.child[c], child, depth + 1, node)) return stop;
+    }
+    return 0;
+  }
+
+  // --- traversal ---
+
+  template <class Test, class Counter>
+  void QueryWith(const rb_query& query) const {
+    // Moved products find more than the shared test does, which the tests of `fast` notice; and counts shall not
+    // depend on the machine.
+    constexpr bool kMayMove = !Counter::kCounts && Test::kSlack != Slack::kNone;
+    constexpr bool kInline = !Counter::kCounts && std::is_same_v<Test, WatertightTest>;
+    const bool in_lanes = kInline && geometry_.procedural_count == 0;
+    ForEachRay<Counter>(query, [&](auto any, const RayQuery& q, rb_hit& best, Counter& counter) {
+      const SlabRay4 slab(q.ray, Test::kSlack);
+      const auto trace = [&](const auto& leaf) {
+        if constexpr (kMayMove) {
+          if (WideRay<kWidth, true>::Fits(slab)) [[likely]] {
+            Trace<any.value>(WideRay<kWidth, true>(slab), leaf, q, best, counter);
+            return;
+          }
+        }
+        Trace<any.value>(WideRay<kWidth, false>(slab), leaf, q, best, counter);
+      };
+      if constexpr (kInline) {
+        if (in_lanes) {
+          trace(WatertightLeafTest<kLanes>(q, slab, needs_uv_));
+          return;
+        }
+      }
+      const RayState<Test> state(q);
+      trace(CalledLeafTest<kLanes>(state, geometry_));
+    });
+  }
+
+  /// A loop that is shared by several tests stands apart, once.
+  template <bool kAnyHit, class Ray, class LeafTest, class Counter>
+  [[gnu::always_inline]] void Trace(const Ray& ray, const LeafTest& leaf, const RayQuery& q, rb_hit& best,
+                                    Counter& counter) const {
+    if constexpr (std::is_same_v<LeafTest, CalledLeafTest<kLanes>>) {
+      TraceApart<kAnyHit>(ray, leaf, q, best, counter);
+    } else {
+      TraceHere<kAnyHit>(ray, leaf, q, best, counter);
+    }
+  }
+  template <bool kAnyHit, class Ray, class LeafTest, class Counter>
+  [[gnu::noinline]] void TraceApart(const Ray& ray, const LeafTest& leaf, const RayQuery& q, rb_hit& best,
+                                    Counter& counter) const {
+    TraceHere<kAnyHit>(ray, leaf, q, best, counter);
+  }
+  template <bool kAnyHit, class Ray, class LeafTest, class Counter>
+  [[gnu::always_inline]] void TraceHere(const Ray& ray, const LeafTest& leaf, const RayQuery& q, rb_hit& best,
+                                        Counter& counter) const {
+    if (root_ != 0) {
+      TakeLeaf<kAnyHit>(root_, leaf, best, counter);
+    } else if constexpr (kAnyHit) {
+      Any(ray, leaf, q, best, counter);
+    } else {
+      Closest(ray, leaf, q, best, counter);
+    }
+  }
+
+  template <bool kAnyHit, class LeafTest, class Counter>
+  [[gnu::always_inline]] bool TakeLeaf(uint32_t ref, const LeafTest& leaf, rb_hit& best,
+                                       Counter& counter) const {
+    counter.Step(0), counter.Leaf(false);
+    if constexpr (Counter::kCounts) counter.Prims(LeafSize(BlockOf(ref)), sizeof(Block));
+    return leaf.template Take<kAnyHit>(BlockOf(ref), best);
+  }
+
+  template <class Ray, class Counter>
+  [[gnu::always_inline]] static unsigned Meets(const Node& node, const Ray& ray, F tnear, F tfar, F& entry,
+                                               Counter& counter) {
+    counter.Step(sizeof(Node)), counter.Bounds(kWidth);
+    return ray.Meets([&](unsigned row) { return node.Row(row); }, tnear, tfar, entry);
+  }
+
+  /// Asks the memory for a child that waits: large trees are bound by it.
+  [[gnu::always_inline]] void Prefetch(const Node& node, unsigned waiting) const {
+    if (waiting == 0) return;
+    const std::byte* at = lines_[node.child[__builtin_ctz(waiting)] & ~kLeaf].bytes;
+    for (size_t i = 0; i < std::max(sizeof(Node), sizeof(Block)); i += 64) __builtin_prefetch(at + i);
+  }
+
+  /// Children in the order of lanes: leaves first, then by falling area, which is what blocks most. No distances.
+  template <class Ray, class LeafTest, class Counter>
+  [[gnu::always_inline]] void Any(const Ray& ray, const LeafTest& leaf, const RayQuery& q, rb_hit& best,
+                                  Counter& counter) const {
+    struct Waiting {
+      const Node* node;
+      unsigned children;  // bits
+    };
+    Waiting stack[kMaxTreeDepth];
+    Waiting* top = stack;
+    const F tnear = Splat<F>(q.ray.tnear), tfar = Splat<F>(best.t);
+    const Node* node = &NodeOf(0);
+    for (;;) {
+      F entry;
+      unsigned children = Meets(*node, ray, tnear, tfar, entry, counter);
+      for (;;) {
+        while (children == 0) {
+          if (top == stack) return;
+          --top;
+          node = top->node, children = top->children;
+        }
+        const uint32_t ref = node->child[__builtin_ctz(children)];
+        children &= children - 1;
+        Prefetch(*node, children);
+        if ((ref & kLeaf) != 0) {
+          if (TakeLeaf<true>(ref, leaf, best, counter)) return;
+          continue;
+        }
+        *top = {node, children};
+        top += children != 0;
+        node = &NodeOf(ref);
+        break;
+      }
+    }
+  }
+
+  /// The nearest child first. The others wait together, with where the ray enters them: what lies behind a hit found
+  /// meanwhile is dropped when their turn comes.
+  template <class Ray, class LeafTest, class Counter>
+  [[gnu::always_inline]] void Closest(const Ray& ray, const LeafTest& leaf, const RayQuery& q, rb_hit& best,
+                                      Counter& counter) const {
+    struct Waiting {
+      F entry;
+      const Node* node;
+      unsigned children;  // bits
+    };
+    Waiting stack[kMaxTreeDepth];
+    Waiting* top = stack;
+    const F tnear = Splat<F>(q.ray.tnear + 0.0f);  // no -0, whose bits are the least integer
+    F tfar = Splat<F>(best.t);
+    const Node* node = &NodeOf(0);
+    for (;;) {
+      F entry;
+      unsigned children = Meets(*node, ray, tnear, tfar, entry, counter);
+      for (;;) {
+        while (children == 0) {
+          if (top == stack) return;
+          --top;
+          node = top->node, entry = top->entry;
+          children = top->children & LessEqual<kWidth>(entry, tfar);
+        }
+        const bool is_one = (children & (children - 1)) == 0;
+        const unsigned i = is_one ? unsigned(__builtin_ctz(children)) : LaneOfLeast<kWidth>(entry, children);
+        const uint32_t ref = node->child[i];
+        children &= ~(1u << i);
+        Prefetch(*node, children);
+        if ((ref & kLeaf) != 0) {
+          if (TakeLeaf<false>(ref, leaf, best, counter)) {
+            tfar = Splat<F>(best.t);
+            children &= LessEqual<kWidth>(entry, tfar);
+          }
+          continue;
+        }
+        top->entry = entry, top->node = node, top->children = children;
+        top += children != 0;
+        node = &NodeOf(ref);
+        break;
+      }
+    }
+  }
+
+  rb_geometry geometry_;
+  HugeArray<Line> lines_;
+  uint32_t root_ = 0;
+  Bounds3 bounds_;
+  bool clipped_, needs_uv_;
+  uint64_t node_count_ = 0, leaf_count_ = 0;
+};
+
+template <int kWidth>
+std::unique_ptr<WideBvh> MakeWideBvhOf(const rb_geometry& geometry, const BinaryTree& tree,
+                                       const WideTopology& topology, NodeFormat format, bool needs_uv) {
+  const auto make = [&]<class Node>() -> std::unique_ptr<WideBvh> {
+    return std::make_unique<WideBvhOf<kWidth, Node>>(geometry, tree, topology, needs_uv);
+  };
+  switch (format) {
+    case NodeFormat::kQuantized16:
+      return make.template operator()<QuantizedNode<kWidth, uint16_t>>();
+    case NodeFormat::kQuantized8:
+      return make.template operator()<QuantizedNode<kWidth, uint8_t>>();
+    default:
+      return make.template operator()<FullNode<kWidth>>();
+  }
+}
+
+}  // namespace raybench

@@ -1,0 +1,59 @@
+// A BVH whose nodes have 4, 8 or 16 children, each tested at once: one ray against many boxes (Wald, Benthin, Boulos
+// 2008, "Getting rid of packets"; Ernst and Greiner 2008; Dammertz, Hanika, Keller 2008). Builders are those of binary
+// trees; collapse.h makes wide nodes of what they hand over. Nodes are in nodes.h, the node test in ray.h, the loops in
+// traversal.h, tests of leaves in leaf_test.h.
+//
+// Nodes and leaves stand in one array of lines, in depth-first order, the leaves of a node right behind it. A leaf is
+// one block of triangles (ray/leaf_blocks.h), as many as the node has children, but no more than eight. A reference is
+// a line's number; bit 31 tells leaves.
+//
+// Traversal is conservative when the test is: nothing that the primitive test accepts is culled, a box whose entry
+// equals the best t is still visited, so that the lowest id wins ties, and the answer is that of `brute`.
+#pragma once
+
+#include <functional>
+#include <memory>
+
+#include "accel/bvh/wide/collapse.h"
+#include "accel/contract/structure.h"
+
+namespace raybench {
+
+enum class NodeFormat : uint32_t { kFull, kQuantized16, kQuantized8 };
+inline constexpr const char* kNodeFormats[] = {"full", "quantized16", "quantized8", nullptr};
+
+class WideBvh {
+ public:
+  virtual ~WideBvh() = default;
+  virtual void Query(uint32_t numerics, const rb_query& query, bool counted) const = 0;
+  virtual MemoryUse Memory() const = 0;
+  /// node(const rb_node&) in pre-order until it returns non-zero. Quantised boxes are shown as traversal sees them.
+  virtual int Visit(const std::function<int(const rb_node&)>& node) const = 0;
+
+  /// Primitives that a leaf tests at once.
+  static constexpr uint32_t LeafLanes(uint32_t width) { return width < 8 ? width : 8; }
+};
+
+/// Lays out a tree of `width` 4, 8 or 16. Runs inside the caller's task arena. Throws std::runtime_error if it is too
+/// large for references.
+std::unique_ptr<WideBvh> MakeWideBvh(const rb_geometry& geometry, const BinaryTree& tree,
+                                     const WideTopology& topology, uint32_t width, NodeFormat format,
+                                     bool needs_uv);
+
+// One file a width.
+std::unique_ptr<WideBvh> MakeWideBvh4(const rb_geometry&, const BinaryTree&, const WideTopology&, NodeFormat,
+                                      bool needs_uv);
+std::unique_ptr<WideBvh> MakeWideBvh8(const rb_geometry&, const BinaryTree&, const WideTopology&, NodeFormat,
+                                      bool needs_uv);
+std::unique_ptr<WideBvh> MakeWideBvh16(const rb_geometry&, const BinaryTree&, const WideTopology&, NodeFormat,
+                                       bool needs_uv);
+
+inline std::unique_ptr<WideBvh> MakeWideBvh(const rb_geometry& geometry, const BinaryTree& tree,
+                                            const WideTopology& topology, uint32_t width, NodeFormat format,
+                                            bool needs_uv) {
+  if (width == 4) return MakeWideBvh4(geometry, tree, topology, format, needs_uv);
+  if (width == 8) return MakeWideBvh8(geometry, tree, topology, format, needs_uv);
+  return MakeWideBvh16(geometry, tree, topology, format, needs_uv);
+}
+
+}  // namespace raybench

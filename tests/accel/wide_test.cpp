@@ -1,0 +1,194 @@
+// Wide BVHs: what nodes and rays promise one by one. That trees lose nothing is tested with the binary ones
+// (bvh_test.cpp) and by the conformance tests.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "accel/base/random.h"
+#include "accel/bvh/binned_sah.h"
+#include "accel/bvh/wide/collapse.h"
+#include "accel/bvh/wide/nodes.h"
+#include "accel/bvh/wide/ray.h"
+#include "accel/ray/bounds.h"
+#include "tests/support/meshes.h"
+
+namespace raybench::testing {
+namespace {
+
+/// Of any size from far below an ulp of its place to far beyond it; some are flat.
+Bounds3 AnyBox(Random& random) {
+  Bounds3 box;
+  const float size = std::ldexp(1.0f, int(random.Below(50)) - 30),
+              far = std::ldexp(1.0f, int(random.Below(50)) - 25);
+  for (int a = 0; a < 3; ++a) {
+    const float at = far * (random.NextFloat() - 0.5f);
+    box.lo[a] = at, box.hi[a] = random.Below(4) == 0 ? at : at + size * random.NextFloat();
+  }
+  return box;
+}
+
+template <class Node, int kWidth>
+void ExpectBoxesInside(Random& random) {
+  Bounds3 boxes[kWidth];
+  const size_t n = 1 + random.Below(kWidth);
+  for (size_t i = 0; i < n; ++i) boxes[i] = AnyBox(random);
+  Node node;
+  node.SetBoxes({boxes, n});
+  Bounds3 all;
+  for (size_t i = 0; i < n; ++i) all.Extend(boxes[i]);
+  for (int a = 0; a < 3; ++a) {
+    const auto lo = node.Row(unsigned(a)), hi = node.Row(unsigned(a) + 3);
+    for (size_t i = 0; i < n; ++i) {
+      ASSERT_LE(lo[i], boxes[i].lo[a]);
+      ASSERT_GE(hi[i], boxes[i].hi[a]);
+      // No wider than two steps of a grid that is not too coarse, and a rounding.
+      const float slack = (all.hi[a] - all.lo[a]) * 0x1p-5f +
+                          0x1p-20f * std::max(std::fabs(all.lo[a]), std::fabs(all.hi[a])) + 0x1p-120f;
+      ASSERT_GE(lo[i], boxes[i].lo[a] - slack);
+      ASSERT_LE(hi[i], boxes[i].hi[a] + slack);
+    }
+    for (size_t i = n; i < kWidth; ++i) ASSERT_GE(lo[i], hi[i]);
+  }
+}
+
+TEST(WideNodes, EncloseTheBoxesOfTheChildren) {
+  Random random(5);
+  for (int i = 0; i < 20000; ++i) {
+    ExpectBoxesInside<FullNode<8>, 8>(random);
+    ExpectBoxesInside<QuantizedNode<4, uint8_t>, 4>(random);
+    ExpectBoxesInside<QuantizedNode<16, uint8_t>, 16>(random);
+    ExpectBoxesInside<QuantizedNode<8, uint16_t>, 8>(random);
+  }
+}
+
+TEST(WideNodes, QuantisedOnesAreSmall) {
+  EXPECT_LE(sizeof(QuantizedNode<8, uint8_t>), 128u);  // two cache lines
+  EXPECT_LE(double(sizeof(QuantizedNode<16, uint8_t>)) / sizeof(FullNode<16>), 0.45);
+  EXPECT_LE(double(sizeof(QuantizedNode<8, uint8_t>)) / sizeof(FullNode<8>), 0.45);
+}
+
+template <int kWidth>
+unsigned Meets(const FullNode<kWidth>& node, const rb_ray& ray, Slack slack, float tfar,
+               FloatN<kWidth>& entry, bool& moved) {
+  using F = FloatN<kWidth>;
+  const SlabRay4 slab(ray, slack);
+  const auto rows = [&](unsigned row) { return node.Row(row); };
+  moved = WideRay<kWidth, true>::Fits(slab);
+  return moved ? WideRay<kWidth, true>(slab).Meets(rows, Splat<F>(ray.tnear), Splat<F>(tfar), entry)
+               : WideRay<kWidth, false>(slab).Meets(rows, Splat<F>(ray.tnear), Splat<F>(tfar), entry);
+}
+
+/// Whatever the shared test finds in a box is found in every box around it, from no later on.
+TEST(WideRay, ContainsTheIntervalOfTheSharedTest) {
+  Random random(6);
+  size_t met = 0, all_moved = 0;
+  for (int i = 0; i < 200000; ++i) {
+    const Bounds3 inner = AnyBox(random);
+    Bounds3 outer = inner;
+    if (random.Below(2) == 0) outer.Extend(AnyBox(random));
+    FullNode<8> node;
+    node.SetBoxes({&outer, 1});
+    rb_ray ray{};
+    const float away = std::ldexp(1.0f, int(random.Below(40)) - 20);
+    for (int a = 0; a < 3; ++a) {
+      const float to = random.Below(3) == 0 ? inner.lo[a] : inner.hi[a];  // at corners
+      ray.org[a] = to + away * (random.NextFloat() - 0.5f);
+      ray.dir[a] = random.Below(8) == 0 ? 0.0f : to - ray.org[a];
+    }
+    if (ray.dir[0] == 0 && ray.dir[1] == 0 && ray.dir[2] == 0) continue;
+    ray.tfar = INFINITY;
+    for (const Slack slack : {Slack::kFarEnd, Slack::kBothEnds}) {
+      float tnear, tfar;
+      SlabRay(ray, slack).Interval(inner, tnear, tfar);
+      if (!(std::max(tnear, 0.0f) <= tfar)) continue;
+      ++met;
+      FloatN<8> entry;
+      bool moved;
+      // Culled against a hit at the very end of the interval, or its beginning.
+      for (const float best : {std::max(tnear, 0.0f), tfar}) {
+        ASSERT_EQ(Meets<8>(node, ray, slack, best, entry, moved) & 1u, 1u) << i;
+        ASSERT_LE(entry[0], std::max(tnear, 0.0f)) << i;
+      }
+      all_moved += moved;
+    }
+  }
+  EXPECT_GT(met, 50000u);
+  EXPECT_GT(all_moved, met / 4);
+  EXPECT_LT(all_moved, met);
+}
+
+double HalfArea(const BuildNode& n) { return Bounds3{LoadVec3(n.lo), LoadVec3(n.hi)}.HalfArea(); }
+
+/// The tree's cost times the root's area.
+double CostOf(const BinaryTree& tree, const WideTopology& wide, const SahCosts& costs) {
+  double sum = wide.nodes() > 0 ? costs.traversal * HalfArea(tree.nodes[0]) : 0;
+  for (const WideTopology::Child& child : wide.children)
+    sum += (child.count > 0 ? costs.Blocks(child.count) : costs.traversal) * HalfArea(tree.nodes[child.slot]);
+  return sum;
+}
+
+uint32_t Count(const BinaryTree& tree, uint32_t slot) {
+  const BuildNode& node = tree.nodes[slot];
+  return node.count > 0 ? node.count : Count(tree, slot + 1) + Count(tree, node.right);
+}
+
+/// The cost where a node's largest child that is no leaf is opened as long as there is room.
+double GreedyCost(const BinaryTree& tree, uint32_t slot, uint32_t width, const SahCosts& costs) {
+  const auto is_leaf = [&](uint32_t s) {
+    return tree.nodes[s].count > 0 || Count(tree, s) <= costs.leaf_size;
+  };
+  if (is_leaf(slot)) return costs.Blocks(Count(tree, slot)) * HalfArea(tree.nodes[slot]);
+  std::vector<uint32_t> children{slot + 1, tree.nodes[slot].right};
+  while (children.size() < width) {
+    size_t best = children.size();
+    for (size_t i = 0; i < children.size(); ++i)
+      if (!is_leaf(children[i]) && (best == children.size() ||
+                                    HalfArea(tree.nodes[children[i]]) > HalfArea(tree.nodes[children[best]])))
+        best = i;
+    if (best == children.size()) break;
+    const uint32_t open = children[best];
+    children[best] = open + 1;
+    children.push_back(tree.nodes[open].right);
+  }
+  double sum = costs.traversal * HalfArea(tree.nodes[slot]);
+  for (const uint32_t child : children) sum += GreedyCost(tree, child, width, costs);
+  return sum;
+}
+
+TEST(Collapse, CostsLessThanOpeningTheLargestChild) {
+  for (const Mesh& mesh : {Ball(4), Lattice(20), Needles(2000)}) {
+    const rb_geometry geometry = mesh.Geometry();
+    for (const uint32_t width : {4u, 8u, 16u}) {
+      const SahCosts costs{std::min(width, 8u), std::min(width, 8u), 1.0f};
+      const BinaryTree tree = BuildBinnedSah(geometry, {16, {2, 2, 1.0f}, true}, nullptr);
+      const WideTopology wide = Collapse(tree, width, costs);
+      EXPECT_LT(CostOf(tree, wide, costs), 0.99 * GreedyCost(tree, 0, width, costs)) << mesh.name << width;
+      std::vector<int> seen(mesh.triangles.size());
+      for (uint32_t i = 0; i < wide.nodes(); ++i) {
+        EXPECT_LE(wide.ChildrenOf(i).size(), width);
+        EXPECT_GE(wide.ChildrenOf(i).size(), 2u);
+      }
+      for (const WideTopology::Child& child : wide.children)
+        for (uint32_t k = 0; k < child.count; ++k) ++seen[tree.order[child.first + k]];
+      EXPECT_EQ(std::count(seen.begin(), seen.end(), 1), std::ptrdiff_t(seen.size()));
+    }
+  }
+}
+
+TEST(BvhWide, WithoutNeedOfUvTheRestIsTheSame) {
+  const Mesh mesh = Ball(4);
+  const rb_geometry geometry = mesh.Geometry();
+  const Registry registry;
+  rb_build_options options = DefaultBuildOptions();
+  const auto rays = NastyRays(mesh, 2000, 3);
+  const auto with = Closest(Build("bvh_wide", geometry), rays);
+  options.needs = 0;
+  const auto without = Closest(Tree(ParseContestant(registry, "bvh_wide"), geometry, options), rays);
+  for (size_t i = 0; i < rays.size(); ++i) {
+    ASSERT_EQ(with[i].prim, without[i].prim);
+    ASSERT_EQ(with[i].t, without[i].t);
+  }
+}
+
+}  // namespace
+}  // namespace raybench::testing
