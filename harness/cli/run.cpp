@@ -80,7 +80,7 @@ void AddOptions(CLI::App& command, RunArguments& arguments) {
   command.add_flag("--shuffled", run.shuffled, "Also time a shuffled copy of each traced ray set");
   command.add_flag("--drop-bad", run.drop_bad, "Leave out bad triangles instead of refusing the file");
   command.add_flag("--resume", run.resume, "Continue the run in --out and keep its finished cases");
-  command.add_flag("--no-report", arguments.no_report, "Draw no plots");
+  command.add_flag("--no-report", arguments.no_report, "Make no report.html");
   command.footer(std::string(kGoals) + "\nRay sets, N being the depth:\n" +
                  FormatFamilies(CapturedFamilies()) +
                  "\nTwo arguments of Google Benchmark are accepted: --benchmark_min_time=SECONDS (per "

@@ -16,6 +16,7 @@
 #include "harness/measure/machine.h"
 #include "harness/measure/statistics.h"
 #include "harness/plan/build_options.h"
+#include "harness/results/box_files.h"
 #include "harness/results/heat_files.h"
 #include "harness/terminal/interrupt.h"
 #include "tracer/heat_map.h"
@@ -364,6 +365,7 @@ bool SceneRun::Judge(Entrant& entrant) {
   }
   schedule_.Begin(Work::kHeat, spec, "heat map of " + spec);
   CountPixels(entrant);
+  AddBoxes(context_.results.path() / "boxes" / (record_.stem + ".json"), spec, entrant.tree);
   return true;
 }
 
