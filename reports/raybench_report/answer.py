@@ -31,26 +31,23 @@ def best(report):
     cases = cases.assign(speed=against / cases["median_ns"], slow=against / cases["hi_ns"], quick=against / cases["lo_ns"])
     # the anchor against itself on the same rays is 1, whatever its two medians say
     cases.loc[cases["spec"] == cases["anchor"], "speed"] = 1.0
-    rows = []
-    for (run, label, rays), here in cases.groupby(["run", "label", "rays_label"], sort=False):
-        here = here.sort_values("speed", ascending=False)
-        first, second = here.iloc[0], here.iloc[1] if len(here) > 1 else None
-        safe = here[here["claim"].isin(SAFE)]
-        row = {
-            "run": run, "label": label, "rays_label": rays, "query": first["query"], "ray_set": first["ray_set"],
-            "first": first["spec"], "rate": first["rate"], "claim": first["claim"], "errors": first["errors"],
-            "second": None if second is None else second["spec"],
-            "lead": np.nan if second is None else first["speed"] / second["speed"],
-            "sure": second is not None and bool(first["slow"] > second["quick"]),
-            "safe": None, "safe_rate": np.nan, "safe_part": np.nan,
-        }  # fmt: skip
-        if len(safe):
-            row |= {
-                "safe": safe.iloc[0]["spec"], "safe_rate": safe.iloc[0]["rate"],
-                "safe_part": safe.iloc[0]["speed"] / first["speed"],
-            }  # fmt: skip
-        rows.append(row)
-    return pd.DataFrame(rows)
+    groups = {}
+    for row in cases.itertuples():
+        groups.setdefault((row.run, row.label, row.rays_label), []).append(row)
+    return pd.DataFrame([_best_of(sorted(here, key=lambda row: -row.speed)) for here in groups.values()])
+
+
+def _best_of(here):
+    """A row of best(): of the cases of one scene and ray set, the fastest first."""
+    first, second = here[0], here[1] if len(here) > 1 else None
+    safe = next((row for row in here if row.claim in SAFE), None)
+    return {
+        "run": first.run, "label": first.label, "rays_label": first.rays_label, "query": first.query, "ray_set": first.ray_set,
+        "first": first.spec, "rate": first.rate, "claim": first.claim, "errors": first.errors,
+        "second": second.spec if second else None, "lead": first.speed / second.speed if second else np.nan,
+        "sure": bool(second and first.slow > second.quick), "safe": safe.spec if safe else None,
+        "safe_rate": safe.rate if safe else np.nan, "safe_part": safe.speed / first.speed if safe else np.nan,
+    }  # fmt: skip
 
 
 def sentences(report, found):
@@ -74,7 +71,7 @@ def _fastest(found, report):
     top, scenes, sets = winners.index[0], found["label"].nunique(), found["rays_label"].nunique()
     rates = found.loc[found["first"] == top, "rate"] / 1e6
     leads = found.loc[(found["first"] == top) & found["lead"].notna()]
-    where = "on the scene" if scenes == 1 else f"on all {scenes} scenes"
+    where = _all(scenes)
     if len(winners) == 1:
         text = f"`{top}` is the fastest for every kind of ray {where}: {_range(rates)} million rays per second"
     else:
@@ -196,38 +193,44 @@ def _slowest(report):
 
 
 def doubts(report):
-    """What to doubt, one sentence each."""
-    said = []
+    """What to doubt, one sentence each, with the runs that it is true of where there are several."""
+    said = {}
     for run in report.runs:
-        info, name = run.info, f"{run.shown}: " if len(report.runs) > 1 else ""
-        if info.get("interrupted"):
-            gone = missing(run)
-            said.append(
-                f"{name}The run was interrupted: {len(run.cases)} cases are finished"
-                + (f"; never measured: {', '.join(f'`{spec}` on `{scene}`' for spec, scene in gone)}." if gone else ".")
-            )
-        cases = run.cases[(run.cases["structure"] != NULL) & (run.cases["status"] == "timed")]
-        skipped = run.cases[(run.cases["status"] == "skipped") & (run.cases["structure"] != NULL)]
-        for note, here in skipped.groupby("note", sort=False):
-            said.append(f"{name}Skipped, so without a time: {_each(here, run.cases['label'].nunique())} ({note}).")
-        wide = (cases["hi_ns"] - cases["lo_ns"]) / cases["median_ns"]
-        known = wide.notna().sum()
-        if known and (wide > 0.1).sum():
-            said.append(f"{name}{(wide > 0.1).sum()} of {known} intervals are wider than 10 % of their median; half are wider than {100 * wide.median():.2g} %.")
-        if len(cases) > known:
-            said.append(f"{name}{len(cases) - known} times have too few samples for an interval.")
-        if info.get("quick"):
-            said.append(f"{name}A quick run: {info.get('rays_per_set', 0):,} rays a set, few samples. Good for a look, not for a paper.")
-        machine = info.get("machine", {})
-        if "hypervisor" in str(machine.get("cpu_flags", "")).split():
-            said.append(f"{name}Measured in a virtual machine, whose processor others may share: trust ratios more than times.")
-        embree = info.get("libraries", {}).get("embree")
-        if embree and "Debian" in str(machine.get("os", "")) and cases["structure"].str.startswith("embree").any():
-            said.append(f"{name}Embree {embree.get('version', '')} is Debian's package, compiled with its assertions: a build without them may be faster.")
-        if info.get("build", {}).get("build_type", "Release") != "Release":
-            said.append(f"{name}raybench was built as {info['build']['build_type']}, not as Release: times mean little.")
-        said += [f"{name}{warning}" for warning in info.get("warnings") or []]
-    return said
+        for text in _doubts_of(run):
+            said.setdefault(text, []).append(run.shown)
+    several = len(report.runs) > 1
+    return [f"{', '.join(names)}: {text}" if several else text for text, names in said.items()]
+
+
+def _doubts_of(run):
+    info, said = run.info, []
+    if info.get("interrupted"):
+        gone = missing(run)
+        said.append(
+            f"The run was interrupted: {len(run.cases)} cases are finished"
+            + (f"; never measured: {', '.join(f'`{spec}` on `{scene}`' for spec, scene in gone)}." if gone else ".")
+        )
+    cases = run.cases[(run.cases["structure"] != NULL) & (run.cases["status"] == "timed")]
+    skipped = run.cases[(run.cases["status"] == "skipped") & (run.cases["structure"] != NULL)]
+    for note, here in skipped.groupby("note", sort=False):
+        said.append(f"Skipped, so without a time: {_each(here, run.cases['label'].nunique())} ({note}).")
+    wide = (cases["hi_ns"] - cases["lo_ns"]) / cases["median_ns"]
+    known = wide.notna().sum()
+    if known and (wide > 0.1).sum():
+        said.append(f"{(wide > 0.1).sum()} of {known} intervals are wider than 10 % of their median; half are wider than {100 * wide.median():.2g} %.")
+    if len(cases) > known:
+        said.append(f"{len(cases) - known} times have too few samples for an interval.")
+    if info.get("quick"):
+        said.append(f"A quick run: {info.get('rays_per_set', 0):,} rays a set, few samples. Good for a look, not for a paper.")
+    machine = info.get("machine", {})
+    if "hypervisor" in str(machine.get("cpu_flags", "")).split():
+        said.append("Measured in a virtual machine, whose processor others may share: trust ratios more than times.")
+    embree = info.get("libraries", {}).get("embree")
+    if embree and "Debian" in str(machine.get("os", "")) and cases["structure"].str.startswith("embree").any():
+        said.append(f"Embree {embree.get('version', '')} is Debian's package, compiled with its assertions: a build without them may be faster.")
+    if info.get("build", {}).get("build_type", "Release") != "Release":
+        said.append(f"raybench was built as {info['build']['build_type']}, not as Release: times mean little.")
+    return said + [str(warning) for warning in info.get("warnings") or []]
 
 
 def _each(cases, scenes):
@@ -236,7 +239,7 @@ def _each(cases, scenes):
     for spec, here in cases.groupby("spec", sort=False):
         labels = list(here["label"].unique())
         everywhere = len(labels) == scenes > 1
-        parts.append(f"`{spec}` on " + (f"all {scenes} scenes" if everywhere else ", ".join(f"`{x}`" for x in labels)))
+        parts.append(f"`{spec}` on " + (_all(scenes)[3:] if everywhere else ", ".join(f"`{x}`" for x in labels)))
     return "; ".join(parts)
 
 
@@ -259,6 +262,11 @@ def count(value):
 def _range(values):
     low, high = f"{values.min():.2g}", f"{values.max():.2g}"
     return low if low == high else f"{low} to {high}"
+
+
+def _all(scenes):
+    """Where something holds everywhere."""
+    return "on the scene" if scenes == 1 else "on both scenes" if scenes == 2 else f"on all {scenes} scenes"
 
 
 def _times(values):

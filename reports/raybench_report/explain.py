@@ -5,7 +5,6 @@ from itertools import combinations
 
 import numpy as np
 
-from .charts import pays
 from .results import NULL, RunError
 
 WORK = {"steps": "visits", "prims": "primitive tests", "bytes": "bytes"}
@@ -36,7 +35,7 @@ class Prices:
 
 def prices(report):
     """(run, scene) → Prices, where at least six cases count."""
-    known = pays.totals(report)
+    known = report.totals
     null = report.timed_queries
     null = null[null["structure"] == NULL]
     found = {}
@@ -92,7 +91,7 @@ class Gap:
 
 def gaps(report, one, other, run, scene=None, rays=None):
     """[Gap] for each scene and ray set that both were timed on. Throws RunError where there is none."""
-    known = pays.totals(report)
+    known = report.totals
     known = known[known["run"] == run]
     for spec in (one, other):
         if spec not in set(known["spec"]):
@@ -117,7 +116,7 @@ def gaps(report, one, other, run, scene=None, rays=None):
 
 
 def gap(one, other, price):
-    """The Gap of two rows of pays.totals()."""
+    """The Gap of two rows of charts/pays.py's totals()."""
     counts = {name: (float(one[name]), float(other[name])) for name in WORK}
     parts = None
     if price and not any(np.isnan(v) for pair in counts.values() for v in pair):

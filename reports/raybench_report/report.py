@@ -82,6 +82,11 @@ class Report:
         return list(self.cases["label"].unique())
 
     @cached_property
+    def totals(self):
+        """See charts/pays.py."""
+        return pays.totals(self)
+
+    @cached_property
     def crossings(self):
         """See charts/pays.py."""
         return pays.crossings(self)

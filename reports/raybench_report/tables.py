@@ -76,10 +76,10 @@ def columns(table, report):
 def structures(report):
     """One row a run x scene x structure."""
     cases = report.cases[report.cases["structure"] != NULL]
-    builds, queries = cases[cases["query"] == "build"], cases[cases["query"] != "build"]
-    rows = []
+    figures = ["sah_cost", "epo", "depth", "inner_nodes", "leaf_nodes", "references", "leaf_depth", "tightness"]
+    tree, rows = cases.groupby(["run", "label", "spec"])[figures].max(), []
     for (run, label, spec), here in cases.groupby(["run", "label", "spec"], sort=False):
-        mine, asked = builds.loc[builds.index.intersection(here.index)], queries.loc[queries.index.intersection(here.index)]
+        mine, asked = here[here["query"] == "build"], here[here["query"] != "build"]
         one, every = mine[mine["threads"] == mine["threads"].min()], mine[mine["threads"] == mine["threads"].max()]
         row = {"run": run, "label": label, "spec": spec, "structure": here["structure"].iloc[0], "verdict": verdict(here, asked)}
         row["status"] = worst(here["status"])
@@ -88,8 +88,7 @@ def structures(report):
         row["build_one"] = one["median_ns"].max() if len(one) and one["threads"].iloc[0] == 1 else np.nan
         row["build_all"] = every["median_ns"].max() if len(every) and every["threads"].iloc[0] > 1 else np.nan
         row["memory"] = here[["node_bytes", "prim_bytes"]].max().sum(min_count=1)
-        for name in ("sah_cost", "epo", "depth", "inner_nodes", "leaf_nodes", "references", "leaf_depth", "tightness"):
-            row[name] = here[name].max()
+        row |= tree.loc[(run, label, spec)].to_dict()
         rows.append(row)
     place = {spec: at for at, spec in enumerate(report.order)}
     scene = {label: at for at, label in enumerate(report.scenes)}

@@ -44,7 +44,7 @@ def test_where_the_gain_is_not_certain_the_interval_has_no_end(tmp_path):
 
 
 def test_times_on_parts_of_the_rays_are_scaled_by_the_anchor(tmp_path):
-    part = {"grid": {"median_ns": 150, "anchor": "embree", "anchor_ns": 50}, "embree": {"median_ns": 100, "anchor": "embree", "anchor_ns": 100}}
+    part = {"grid": {"median_ns": 150, "timed_rays": 1 << 18, "anchor": "embree", "anchor_ns": 50}, "embree": {"median_ns": 100, "anchor": "embree", "anchor_ns": 100}}
     known = pays.totals(two(tmp_path, (1, 3), (150, 100), **part)).set_index("spec")["ns"]
     assert known["grid"] == pytest.approx(300) and known["embree"] == pytest.approx(100)
 

@@ -59,6 +59,8 @@ def test_the_page_is_one_file_that_asks_for_nothing_else(page):
     for source in re.findall(r'\s(?:src|href)="([^"]*)"', without_data):
         assert source.startswith(("#", "data:")), source
     assert "@import" not in without_data and "url(" not in without_data
+    names = re.findall(r'\sid="([^"]*)"', without_data)
+    assert len(names) == len(set(names))
     assert {p.name for p in folder.iterdir()} == {"cases.csv", "samples.csv", "run.json", "page.html"}
 
 
@@ -139,7 +141,7 @@ def test_refused_skipped_and_interrupted_say_so_and_have_no_speed(tmp_path):
     assert "Refused, so without any time, because an answer broke what the structure claims: grid on t: shadow.0: 3 leaks" in said(found)
     doubts = answer.plain(" ".join(answer.doubts(found)))
     assert "interrupted" in doubts and "never measured: bvh_sah on t" in doubts
-    assert "Skipped, so without a time: brute on all 2 scenes (too slow)" in doubts
+    assert "Skipped, so without a time: brute on both scenes (too slow)" in doubts
     text = made(folder, out=tmp_path / "page.html")
     assert "3 leaks, &lt;really&gt;" in text and "<really>" not in text
     packed = data_of(text)

@@ -81,8 +81,7 @@ def _suite(rows, suite, kinds):
         x["axis"]["labelExpr"] = (f"datum.value <= {left * 1.0001:.17g} ? '0' : " if zeros else "") + vega.DECADES
         if zeros:
             x["axis"]["values"] = [float(left), *(10.0**d for d in range(int(np.ceil(np.log10(steps[0]))), int(np.log10(steps[-1])) + 1))]
-    y = vega.number("shown", None)
-    y["axis"]["format"] = "~g"
+    y = vega.free(vega.number("shown", None))
     colour = {"field": "arithmetic", "type": "nominal", "title": "arithmetic", "sort": kinds, "scale": {"domain": kinds}}
     seen = ["measured", "none failed: at most (95 %)"]
     shown = vega.tooltip(
@@ -114,6 +113,7 @@ def _suite(rows, suite, kinds):
     return Chart(
         f"extremes_{suite['name']}", suite["name"].replace("_", " "), suite["doc"], panel, long[kept], columns, facet="panel",
         height=170, notes=_notes(suite, rows), resolve={"scale": {"y": "independent"}, "axis": {"x": "independent"}},
+        spans={} if linear or zeros else {"x": {"of": ["at"], "factor": 1}},
     )  # fmt: skip
 
 

@@ -1,5 +1,7 @@
 """Break-even: total time against number of rays, and from how many rays on a dearer build pays."""
 
+import zlib
+
 import numpy as np
 import pandas as pd
 
@@ -26,9 +28,10 @@ def totals(report):
     builds = builds.rename(columns={"case_id": "build_id", "median_ns": "build_ns", "threads": "build_threads"})[columns]
     both = queries.merge(builds, on=keys)
     full = both[both["spec"] == both["anchor"]].drop_duplicates(["run", "label", "rays_label"])
-    full = full.set_index(["run", "label", "rays_label"])["median_ns"]
-    whole = [full.get(key, np.nan) for key in zip(both["run"], both["label"], both["rays_label"], strict=True)]
-    scale = (np.array(whole, dtype=float) / both["anchor_ns"]).fillna(1)
+    whole = dict(zip(zip(full["run"], full["label"], full["rays_label"], strict=True), full["median_ns"], strict=True))
+    whole = [whole.get(key, np.nan) for key in zip(both["run"], both["label"], both["rays_label"], strict=True)]
+    part = both["timed_rays"] < both["rays"]
+    scale = (np.array(whole, dtype=float) / both["anchor_ns"]).where(part).fillna(1)
     return both.assign(scale=scale, ns=both["median_ns"] * scale)
 
 
@@ -38,58 +41,70 @@ def crossings(report):
     `rays` with an interval of 95 % [lo, hi] by bootstrap over the samples of both builds and both queries (medians,
     resampled independently). hi is infinite where the slower build may never pay; lo is 0 where it may at once.
     """
-    samples = report.sample_times
-    rows = []
-    for (run, label, rays_label), here in totals(report).groupby(["run", "label", "rays_label"], sort=False):
-        here = here.sort_values(["build_ns", "ns"])
-        current = here.iloc[0]
-        while True:
-            better = here[(here["ns"] < current["ns"]) & (here["build_ns"] >= current["build_ns"])]
-            if better.empty:
-                break
-            at = (better["build_ns"] - current["build_ns"]) / (current["ns"] - better["ns"])
-            following = better.loc[at.idxmin()]
-            low, high = interval(current, following, samples)
+    draws = Draws(report.sample_times)
+    groups, rows = {}, []
+    for row in report.totals.sort_values(["build_ns", "ns"], kind="stable").itertuples():
+        groups.setdefault((row.run, row.label, row.rays_label), []).append(row)
+    for (run, label, rays_label), here in groups.items():
+        current = here[0]
+        while better := [(gain(current, row), row) for row in here if row.ns < current.ns and row.build_ns >= current.build_ns]:
+            at, following = min(better, key=lambda pair: pair[0])
+            low, high = draws.interval(current, following)
             rows.append({
-                "run": run, "label": label, "rays_label": rays_label, "before": current["spec"], "after": following["spec"],
-                "rays": max(float(at.min()), 0.0), "lo": low, "hi": high, "build_ns": following["build_ns"],
-                "ns": following["ns"],
+                "run": run, "label": label, "rays_label": rays_label, "before": current.spec, "after": following.spec,
+                "rays": at, "lo": low, "hi": high, "build_ns": following.build_ns, "ns": following.ns,
             })  # fmt: skip
             current = following
     columns = ["run", "label", "rays_label", "before", "after", "rays", "lo", "hi", "build_ns", "ns"]
+    place = {label: at for at, label in enumerate(report.scenes)}
+    sets = {label: at for at, label in enumerate(report.ray_sets)}
+    rows.sort(key=lambda row: (row["run"], place[row["label"]], sets[row["rays_label"]], row["rays"]))
     return pd.DataFrame(rows, columns=columns)
 
 
-def interval(one, other, samples):
-    """Bootstrap interval of 95 % of the number of rays from which `other` is faster in total."""
-    draws = []
-    for row in (one, other):
-        noise = np.random.default_rng(17)  # equal draws for equal samples: no result depends on the order of rows
-        for case, scale in ((row["build_id"], 1.0), (row["case_id"], row["scale"])):
-            times = samples.get((row["run"], case))
-            if times is None:
-                return np.nan, np.nan
-            picked = times[noise.integers(0, len(times), (RESAMPLES, len(times)))]
-            draws.append(np.median(picked, axis=1) * scale)
-    build_one, ray_one, build_other, ray_other = draws
-    build_other, ray_other = np.roll(build_other, 311), np.roll(ray_other, 617)  # independent of the first's draws
-    gain, price = ray_one - ray_other, build_other - build_one
-    with np.errstate(divide="ignore", invalid="ignore"):
-        at = np.where(gain > 0, np.maximum(price, 0) / gain, np.where(price > 0, np.inf, 0.0))
-    low, high = np.quantile(at, [0.025, 0.975], method="inverted_cdf")
-    return float(low), float(high)
+def gain(one, other):
+    """From how many rays on `other`, dearer to build and faster, is the faster in total."""
+    return (other.build_ns - one.build_ns) / (one.ns - other.ns)
+
+
+class Draws:
+    """Bootstrap over the samples of builds and queries: medians of RESAMPLES resamplings of each case, seeded by its id."""
+
+    def __init__(self, samples):
+        self.samples, self.known = samples, {}
+
+    def medians(self, run, case):
+        """Medians of a case's resampled samples, ns; None where there are no samples."""
+        if (run, case) not in self.known:
+            times = self.samples.get((run, case))
+            if times is not None:
+                noise = np.random.default_rng(zlib.crc32(case.encode()))
+                times = np.median(times[noise.integers(0, len(times), (RESAMPLES, len(times)))], axis=1)
+            self.known[run, case] = times
+        return self.known[run, case]
+
+    def interval(self, one, other):
+        """Interval of 95 % of gain(one, other)."""
+        found = [self.medians(row.run, case) for row in (one, other) for case in (row.build_id, row.case_id)]
+        if any(medians is None for medians in found):
+            return np.nan, np.nan
+        price = found[2] - found[0]
+        saved = found[1] * one.scale - found[3] * other.scale
+        with np.errstate(divide="ignore", invalid="ignore"):
+            at = np.where(saved > 0, np.maximum(price, 0) / saved, np.where(price > 0, np.inf, 0.0))
+        low, high = np.quantile(at, [0.025, 0.975], method="inverted_cdf")
+        return float(low), float(high)
 
 
 def charts(report):
     """Total time against the number of rays."""
-    known = totals(report)
+    known = report.totals
     if known.empty or known["spec"].nunique() < 2:
         return []
     found = report.crossings
     lines = known[["run", "label", "rays_label", "spec", "build_ns", "ns"]].assign(kind="line")
     winners = set(found["before"]) | set(found["after"])
-    for _, here in known.groupby(["run", "label", "rays_label"]):
-        winners.add(here.sort_values(["build_ns", "ns"]).iloc[0]["spec"])
+    winners |= set(known.sort_values(["build_ns", "ns"]).drop_duplicates(["run", "label", "rays_label"])["spec"])
     winners = [spec for spec in report.order if spec in winners][:8]
     lines["shown"] = lines["spec"].where(lines["spec"].isin(winners), "never the fastest")
     points = found.assign(kind="crossing", spec=found["after"], shown=found["after"])

@@ -113,7 +113,7 @@ def charts(report):
     }  # fmt: skip
     return [
         Chart(
-            "predictors", "Predictors of time", "Dots: time per ray against SAH cost, EPO and LCV, one dot a tree.",
+            "predictor_dots", "Predictors of time", "Dots: time per ray against SAH cost, EPO and LCV, one dot a tree.",
             panel, rows, [*keys, "predictor", "prediction"], facet="predictor", height=200, resolve={"scale": {"x": "independent"}},
             notes=[f"Binary BVHs of {cases['spec'].nunique()} builders under one traversal, closest hits."],
         )

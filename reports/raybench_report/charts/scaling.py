@@ -60,7 +60,7 @@ def charts(report):
         ("spec", "structure"), ("family", "scene"), ("primitives", "primitives", ","), ("value", "value", ",.4~g"), ("text", "fit")
     )
     colour = vega.series("spec", "structure", order)
-    x, y = vega.number("primitives", "primitives (log scale)"), vega.number("value", "time (log scale)")
+    x, y = vega.number("primitives", "primitives (log scale)"), vega.free(vega.number("value", "time (log scale)"))
     curves = {
         "layer": [
             {"mark": {"type": "line", "strokeWidth": 1.2}, "encoding": {"x": x, "y": y, "color": colour["color"], "detail": {"field": "family"}}},
@@ -81,7 +81,7 @@ def charts(report):
             notes=["Least squares of logarithms; interval of 95 % by Student's t, which calls the fit's residuals independent."],
         ),
         Chart(
-            "scaling", "Times behind the exponents", "Lines: time against number of primitives, one panel a quantity.",
+            "scaling_times", "Times behind the exponents", "Lines: time against number of primitives, one panel a quantity.",
             curves, known, ["run", "family", "label", "spec", "quantity", "primitives", "value", "exponent"], facet="quantity", height=200, spans={"x": {"of": ["primitives"], "factor": 1}}, resolve={"scale": {"y": "independent"}},
         ),
     ]  # fmt: skip

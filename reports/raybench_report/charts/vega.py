@@ -95,6 +95,13 @@ def number(column, title, log=True, **more):
     return {"field": column, "type": "quantitative", "title": title, "scale": scale, "axis": axis} | more
 
 
+def free(axis):
+    """The axis with ticks at 1, 2, 5 of every decade, of which Vega drops every second where they are too many: for
+    panels of one chart that show different quantities."""
+    values = [float(f"{m}e{d}") for d in range(-12, 13) for m in (1, 2, 5)]
+    return axis | {"axis": axis["axis"] | {"values": values, "labelOverlap": "parity", "labelSeparation": 2}}
+
+
 # 0.001 to 9999 in full; 20k, 3M; 1e-5.
 DECADES = (
     "datum.value == 0 ? '0' : datum.value >= 10000 ? format(datum.value, '~s') : "

@@ -52,7 +52,7 @@ def _crossings(report):
         rows.append([r.label, r.rays_label, r.before, r.after, round(r.rays), f"{answer.count(r.lo)} to {high}" if r.lo == r.lo else "–"])
         if len(report.runs) > 1:
             rows[-1][0] = f"{r.label} ({r.run})"
-    return [Table("crossings", "From how many rays which structure is the fastest in total", heads, rows)]
+    return [Table("break_even_points", "From how many rays which structure is the fastest in total", heads, rows)]
 
 
 def _predictors(report):

@@ -176,6 +176,9 @@ def _facts(folder):
         embree = info["libraries"]["embree"]
         libraries["embree"] = f"{embree.get('version', '')} ({embree.get('instruction_set', '')}, {embree.get('tasking', '')})"
     memory = machine.get("memory_bytes")
+    if isinstance(timing, dict):
+        known = {k.replace("_", " "): v for k, v in timing.items() if k != "engine_remarks" and v not in ([], None)}
+        timing = ", ".join(f"{k}: {v}" for k, v in known.items())
     pairs = [
         ("command", " ".join(map(_quoted, info.get("command_line", [])))),
         ("started", info.get("started")), ("took", f"{info['seconds']:.0f} s" if "seconds" in info else None),
@@ -188,7 +191,7 @@ def _facts(folder):
         ("governor", machine.get("governor")),
         ("compiler", " ".join(str(x) for x in (build.get("compiler"), build.get("build_type"), build.get("flags")) if x)),
         ("libraries", ", ".join(f"{k} {v}" for k, v in libraries.items())),
-        ("timing", ", ".join(f"{k.replace('_', ' ')}: {v}" for k, v in timing.items() if k != "engine_remarks" and v not in ([], None))),
+        ("timing", timing),
         ("oracle", "; ".join(f"{s['scene']}: {s['oracle'].get('name')}, {s['oracle'].get('audited', 0)} answers audited"
                              for s in info.get("scenes", []) if isinstance(s.get("oracle"), dict))),
     ]  # fmt: skip

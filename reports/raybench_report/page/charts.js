@@ -111,18 +111,33 @@ class Charts {
     const drawn = chart.facet ? rows.filter((row) => panels.includes(row[chart.facet])) : rows;
     try {
       const spec = this.spec(chart, drawn, panels, place.clientWidth);
-      const result = await vegaEmbed(place, spec, { actions: false, renderer: "svg", mode: "vega-lite", logLevel: 1, tooltip: { theme: "custom" } });
-      chart.view = result.view;
+      let svg = await this.embed(chart, place, spec);
+      const over = svg.width.baseVal.value - place.clientWidth;
+      if (over > 0) { // labels took more room than was thought
+        const panel = spec.spec || spec;
+        panel.width = Math.max(100, panel.width - Math.ceil(over / (spec.columns || 1)) - 1);
+        chart.view.finalize();
+        svg = await this.embed(chart, place, spec);
+      }
+      if (svg.width.baseVal.value > place.clientWidth) place.tabIndex = 0; // scrolled by keyboard, too
+      else place.removeAttribute("tabindex");
     } catch (error) {
       place.replaceChildren(element("p", { class: "warn" }, `This chart could not be drawn: ${error.message}`));
       console.error(chart.name, error);
     }
   }
 
+  async embed(chart, place, spec) {
+    const inner = element("div", { "aria-hidden": "true" }); // the box has a label, and the table under CSV has the numbers
+    place.replaceChildren(inner);
+    const result = await vegaEmbed(inner, spec, { actions: false, renderer: "svg", mode: "vega-lite", logLevel: 1, tooltip: { theme: "custom" } });
+    chart.view = result.view;
+    return inner.querySelector("svg");
+  }
+
   // The panel, repeated for each value of the facet in as many columns as fit.
   spec(chart, rows, panels, room) {
     const theme = structuredClone(this.themes[theming()]);
-    theme.aria = false; // the box has a label, and the table under CSV has the numbers
     const names = !chart.height;
     const longest = Math.max(...rows.map((row) => String(row.spec || "").length));
     const limit = room < 500 ? 156 : 190;
@@ -134,6 +149,8 @@ class Charts {
     const columns = Math.max(1, Math.min(panels.length, fit, 3));
     const each = apart || (!names && columns > 1) ? (room - GAP * (columns - 1)) / columns - margin : (room - margin - GAP * (columns - 1)) / columns;
     const width = Math.max(120, Math.min(names ? 620 : 560, Math.floor(each) - 14));
+    theme.header.labelLimit = width + margin - 10;
+    theme.axisX.titleLimit = width + 20;
     const panel = { ...structuredClone(chart.panel), width, height: names ? { step: chart.step } : chart.height };
     for (const [axis, span] of Object.entries(chart.spans)) setTicks(panel, axis, logTicks(rows, span, axis === "x" ? width / 42 : chart.height / 30));
     const whole = { data: { name: "rows", values: rows.map((row) => ({ ...row })) }, config: theme, padding: 2 };

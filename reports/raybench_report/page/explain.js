@@ -16,7 +16,7 @@ class Explain {
     // Time as over the anchor's full set, where only a part was timed.
     this.rows = this.rows.map((c) => {
       const full = whole.get([c.run, c.label, c.rays_label].join("\u0000"));
-      return { ...c, ns: full && c.anchor_ns ? c.median_ns * full / c.anchor_ns : c.median_ns };
+      return { ...c, ns: full && c.anchor_ns && c.timed_rays < c.rays ? c.median_ns * full / c.anchor_ns : c.median_ns };
     });
     this.form = document.getElementById("explain").elements;
     for (const name of ["run", "on", "rays", "one", "other"]) this.form[name].addEventListener("change", () => this.keep());

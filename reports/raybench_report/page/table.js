@@ -108,7 +108,7 @@ class DataTable {
     const anchors = this.anchors();
     const rows = this.visible();
     const shown = rows.slice(0, this.limit);
-    const columns = this.columns.filter((c) => !["number", "count"].includes(c.kind) || shown.some((row) => known(row[c.key])));
+    const columns = this.columns.filter((c) => !["number", "count"].includes(c.kind) || this.rows.some((row) => known(row[c.key])));
     const body = shown.map((row) => {
       const anchor = anchors && anchors.get(bySame(row));
       const kinds = [row.status, row.spec === state.anchor ? "pinned" : ""].filter(Boolean).join(" ");
