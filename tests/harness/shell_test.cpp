@@ -187,7 +187,7 @@ TEST_F(HarnessShell, APictureThatMayNotGrowLeavesNoHalf) {
   EXPECT_FALSE(fs::exists(folder_ / "a.png"));
 }
 
-TEST_F(HarnessShell, WithoutPythonARunSaysHowToDrawItsPlotsAndAReportSaysWhy) {
+TEST_F(HarnessShell, WithoutPythonARunSaysHowToMakeItsPageAndAReportSaysWhy) {
   const std::string run =
       "$RB run 'icosphere(level=1)' --structures bvh_sah --quick --rays 64 --threads 1 --out r";
   const Outcome outcome = Shell("RAYBENCH_PYTHON=/nonexistent " + run);

@@ -100,7 +100,8 @@ def _suite(rows, suite, kinds):
                 "mark": {"type": "point", "size": 26},
                 "encoding": {"x": x, "y": y, "color": colour, "shape": {
                     "field": "seen", "type": "nominal", "title": None, "sort": seen,
-                    "scale": {"domain": seen, "range": ["circle", "triangle-down"]}}} | shown,
+                    "scale": {"domain": seen, "range": ["circle", "triangle-down"]}},
+                    "opacity": {"condition": {"test": "datum.in_range == 0", "value": 0.3}, "value": 0.95}} | shown,
             },
             {
                 "transform": [{"filter": "datum.status == 'broken' && datum.share"}],
@@ -126,6 +127,8 @@ def _notes(suite, rows):
     if len(rays):
         low, high = f"{rays.min():,.0f}", f"{rays.max():,.0f}"
         parts.append(f"{low if low == high else f'{low} to {high}'} rays a point.")
+    if not rows["in_range"].all():
+        parts.append("Pale: outside of that range.")
     if (rows["status"] == "refused").any():
         at = sorted(rows.loc[rows["status"] == "refused", "magnitude"].unique())
         parts.append(f"The scene model refuses the input at load: {', '.join(f'{a:g}' for a in at)}.")

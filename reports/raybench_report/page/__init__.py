@@ -47,7 +47,7 @@ def render(report, sections):
         queries_count=len(report.queries) if report.runs else 0,
         style=markupsafe.Markup((HERE / "report.css").read_text(encoding="utf-8")),
         script=markupsafe.Markup("".join((HERE / name).read_text(encoding="utf-8") for name in SCRIPTS)),
-        library=_packed(_library()),
+        library=_packed(library()),
         data=_packed(json.dumps(_data(report, sections), separators=(",", ":"), allow_nan=False).encode()),
         infos=[_facts(folder) for folder in [*report.runs, *report.others] if hasattr(folder, "info")],
         licences=_licences(report),
@@ -75,7 +75,7 @@ def cell(value):
     return f"{int(value):,}" if float(value).is_integer() and abs(value) < 1e15 else f"{value:.4g}"
 
 
-def _library():
+def library():
     """Vega, Vega-Lite and Vega-Embed as one script, from vl-convert. It takes seconds to put together, so it is kept in
     raybench's cache."""
     base = os.environ.get("RAYBENCH_CACHE") or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "raybench"

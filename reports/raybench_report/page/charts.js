@@ -140,7 +140,7 @@ class Charts {
     const theme = structuredClone(this.themes[theming()]);
     const names = !chart.height;
     const longest = Math.max(...rows.map((row) => String(row.spec || "").length));
-    const limit = room < 500 ? 156 : 190;
+    const limit = room < 500 ? 166 : 190;
     theme.axis.labelLimit = limit;
     theme.legend.columns = Math.max(1, Math.floor(room / 190));
     const apart = chart.resolve.scale && chart.resolve.scale.y === "independent";

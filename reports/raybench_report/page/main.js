@@ -39,6 +39,7 @@ const main = async () => {
     builds: cases.filter((c) => c.query === "build" && c.structure !== DATA.null && c.status !== "skipped"),
   };
   const parts = [];
+  let tables = [];
 
   if (form) {
     const fields = form.elements;
@@ -72,7 +73,7 @@ const main = async () => {
     const place = (list) => new Map(list.map((name, at) => [name, at]));
     const [scenes, sets, order] = [place(DATA.scenes), place(DATA.raySets), place(DATA.order)];
     asked.sort((a, b) => scenes.get(a.label) - scenes.get(b.label) || sets.get(a.rays_label) - sets.get(b.rays_label) || order.get(a.spec) - order.get(b.spec));
-    const tables = [
+    tables = [
       new DataTable(document.querySelector('[data-table="structures"]'), "structures", DATA.tables.structures, structures, actions),
       new DataTable(document.querySelector('[data-table="rays"]'), "rays", DATA.tables.rays, asked, actions),
     ];
@@ -136,8 +137,12 @@ const main = async () => {
   addEventListener("beforeprint", () => {
     closed = [...document.querySelectorAll("details:not([open]):not(.raw)")];
     for (const box of closed) box.open = true;
+    for (const table of tables) table.render(PRINTED);
   });
-  addEventListener("afterprint", () => { for (const box of closed) box.open = false; });
+  addEventListener("afterprint", () => {
+    for (const box of closed) box.open = false;
+    for (const table of tables) table.render();
+  });
   if (target) document.getElementById(target)?.scrollIntoView();
 };
 

@@ -1,6 +1,7 @@
 // Tables that sort, filter, and show ratios to a pinned structure.
 
 const FIRST = 60; // rows shown before the reader asks for more
+const PRINTED = 1000; // at most, on paper
 const bySame = (row) => [row.run, row.label, row.rays_label, row.threads].join("\u0000");
 
 // A long name(key=value) may break after its parenthesis and commas.
@@ -104,10 +105,10 @@ class DataTable {
     return element("td", { class: kinds || null }, text);
   }
 
-  render() {
+  render(limit = this.limit) {
     const anchors = this.anchors();
     const rows = this.visible();
-    const shown = rows.slice(0, this.limit);
+    const shown = rows.slice(0, limit);
     const columns = this.columns.filter((c) => !["number", "count"].includes(c.kind) || this.rows.some((row) => known(row[c.key])));
     const body = shown.map((row) => {
       const anchor = anchors && anchors.get(bySame(row));
