@@ -35,6 +35,8 @@ while [ $# -gt 0 ]; do
   shift
 done
 
+# the tests of the report page run it in a browser
+[ $build_only = yes ] || more_packages=(chromium)
 source "$(dirname "${BASH_SOURCE[0]}")/.ci/setup.sh"
 cd "$root"
 for preset in "${presets[@]}"; do

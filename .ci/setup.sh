@@ -1,5 +1,5 @@
 # shellcheck shell=bash
-# Sourced by bench.sh and test.sh: installs what is missing, makes the Python environment, configures and builds.
+# Sourced by bench.sh and test.sh (which names more_packages): installs what is missing, makes the Python environment, configures and builds.
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd -P)
 build=$root/build
@@ -10,6 +10,7 @@ packages=(
   build-essential ca-certificates ccache cmake git ninja-build python3 python3-venv
   libbenchmark-dev libboost-dev libcgal-dev libcli11-dev libembree-dev libfmt-dev libgmock-dev libgtest-dev
   libopenimageio-dev libopenmesh-dev libtbb-dev libtinygltf-dev libtomlplusplus-dev nlohmann-json3-dev openimageio-tools
+  ${more_packages[@]+"${more_packages[@]}"}
 )
 needed="a C++20 compiler, CMake 3.25, Ninja, Git, Python 3.11 with venv, and the development packages of Embree 3 or 4, \
 Boost, CGAL, Google Benchmark, OpenMesh, tinygltf, OpenImageIO (with its tools), oneTBB, fmt, CLI11, nlohmann-json, toml++, \
@@ -81,6 +82,9 @@ make_venv() {
     -r "$root/reports/requirements.txt" || fail "pip could not install reports/requirements.txt"
   # lets "build/venv/bin/python -m raybench_report" find the package
   echo "$root/reports" >"$("$build/venv/bin/python" -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/raybench.pth"
+  # takes seconds, once
+  logged page "$build/venv/bin/python" -c 'from raybench_report import page; page.library()' ||
+    fail "cannot put the script of report pages together"
   printf '%s\n' "$state" >"$stamp"
 }
 

@@ -31,7 +31,8 @@ Examples:
   raybench fetch engine                 fetch a real model
   raybench extremes --quick             find where answers begin to fail: far away, slivers, copies, ...
   raybench spd                          compare ray counts with published ones
-  raybench report results/mine          draw the plots again
+  raybench report results/mine          a page to look at, mail and cite
+  raybench explain grid bvh_sah results/mine   why is one slower than the other?
 Computed truth is stored beside fetched models, in RAYBENCH_CACHE or else ~/.cache/raybench, for the next
 run. RAYBENCH_TRUTH_CACHE=off turns that off.
 Exit codes: 0 success; 1 a broken claim; 2 wrong input; 3 inconclusive; 130 interrupted.)help";

@@ -17,8 +17,9 @@ I have a structure. Does it lose rays, and how fast is it?
   raybench check-plugin ./MINE.so
   raybench verify MODEL.glb --plugin ./MINE.so --structures MINE
   raybench run MODEL.glb --plugin ./MINE.so --structures MINE,bvh_sah,embree
-I want a figure for my paper. Every run draws some (DIR/plots, PNG and SVG). How do I draw them again?
+I have results. How do I look at them, mail them, put figures of them into a paper?
   raybench report DIR
+  raybench report DIR --figures
 )help";
 
 std::optional<uint64_t> ParseWholeNumber(std::string_view text, Units units) {

@@ -48,9 +48,9 @@ void AddOptions(CLI::App& command, ExtremesArguments& arguments) {
   command.add_option("--out", options.out, "Result folder; default: results/extremes-<UTC time>")
       ->type_name("DIR");
   command.add_flag("--list", arguments.list, "List the suites");
-  command.add_flag("--no-report", arguments.no_report, "Draw no plots");
+  command.add_flag("--no-report", arguments.no_report, "Make no report.html");
   command.footer(
-      "reports/EXTREMES.md explains the plots. Exit code 1: a claim was broken inside a suite's range.");
+      "reports/EXTREMES.md explains the charts. Exit code 1: a claim was broken inside a suite's range.");
 }
 
 void AddExtremesCommand(CLI::App& app, Invocation& invocation) {

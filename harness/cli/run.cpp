@@ -110,7 +110,7 @@ void AddOptions(CLI::App& command, RunArguments& arguments) {
           "Measure the I-th of N parts (1/4, 2/4, ...) of the structures and scenes, with the anchor beside; "
           "raybench merge puts the folders together")
       ->type_name("I/N");
-  command.add_flag("--no-report", arguments.no_report, "Draw no plots");
+  command.add_flag("--no-report", arguments.no_report, "Make no report.html");
   command.footer(std::string(kGoals) + "\nRay sets, N being the depth:\n" +
                  FormatFamilies(CapturedFamilies()) +
                  "\nTwo arguments of Google Benchmark are accepted: --benchmark_min_time=SECONDS (per "

@@ -218,7 +218,7 @@ class ExtremesRun {
     if (options_.report) {
       DrawReportIfPossible(folder);
     } else {
-      fmt::print("plots   raybench report {}\n", folder);
+      fmt::print("report  raybench report {} makes it\n", folder);
     }
     if (broken_ == 0) return 0;
     progress_.Say(

@@ -84,7 +84,7 @@ std::string MissingPython(const std::string& python) {
 }
 
 bool PythonWorks(const std::string& python, const fs::path& reports) {
-  return RunProgram({python, "-c", "import matplotlib, raybench_report"}, PythonPath(reports), true) == 0;
+  return RunProgram({python, "-c", "import jinja2, pandas, vl_convert, raybench_report"}, PythonPath(reports), true) == 0;
 }
 
 }  // namespace
@@ -105,9 +105,9 @@ int Reports::Run(const std::vector<std::string>& arguments) const {
 void DrawReportIfPossible(const std::string& folder) {
   try {
     if (Reports().Run({folder}) != 0)
-      fmt::print("plots   the report failed; again with: raybench report {}\n", folder);
+      fmt::print("report  not made; again with: raybench report {}\n", folder);
   } catch (const InputError& error) {
-    fmt::print("plots   not drawn: {}; then: raybench report {}\n", error.what(), folder);
+    fmt::print("report  not made: {}; then: raybench report {}\n", error.what(), folder);
   }
 }
 

@@ -17,7 +17,7 @@ class Reports {
   std::string folder_, python_;
 };
 
-/// Draws the plots after a run; where that cannot work, one line says how to get them.
+/// Makes the page after a run; where that cannot work, one line says how to get them.
 void DrawReportIfPossible(const std::string& folder);
 
 }  // namespace raybench

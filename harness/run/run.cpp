@@ -492,7 +492,7 @@ class Run {
     if (options_.report) {
       DrawReportIfPossible(folder);
     } else {
-      fmt::print("plots   raybench report {}\n", folder);
+      fmt::print("report  raybench report {} makes it\n", folder);
     }
     fmt::print("took    {}\n", FormatDuration(progress_.Elapsed()));
     std::fflush(stdout);

@@ -14,6 +14,7 @@
 #include "harness/judge/truth_cache.h"
 #include "harness/measure/machine.h"
 #include "harness/plan/build_options.h"
+#include "harness/results/box_files.h"
 #include "harness/results/heat_files.h"
 #include "harness/terminal/interrupt.h"
 #include "tracer/heat_map.h"
@@ -446,7 +447,10 @@ bool SceneRun::Judge(Entrant& entrant) {
     return false;
   }
   schedule_.Begin(Work::kHeat, spec, "heat map of " + spec);
-  if (!entrant.foreign) CountPixels(entrant);
+  if (!entrant.foreign) {
+    CountPixels(entrant);
+    AddBoxes(context_.results.path() / "boxes" / (record_.stem + ".json"), spec, entrant.tree);
+  }
   return true;
 }
 

@@ -1,59 +1,88 @@
-"""Command line: python -m raybench_report DIR, extremes DIR, or heat FOLDER --out FILE.png."""
+"""Command line: python -m raybench_report DIR..., explain A B DIR, or heat FOLDER --out FILE.png."""
 
 import argparse
+import json
 import sys
 from pathlib import Path
 
-from . import extremes, heat, page, plots, results
+from . import report
+from .kinds import all_kinds
+from .results import RunError
 
 
 def main(argv=None):
     """Does what the arguments say. Returns 0, or 2 after one line on stderr when the input is unfit."""
     argv = sys.argv[1:] if argv is None else argv
-    commands = {"heat": _heat, "extremes": _extremes}
+    commands = {"heat": _heat, "explain": _explain}
     draw = commands.get(argv[0], _report) if len(argv) > 1 else _report
     try:
         print(draw(argv), end="")
     except SystemExit as error:  # by argparse
         return error.code
-    except (results.RunError, OSError) as error:
+    except (RunError, OSError) as error:
         print(f"raybench_report: {error}", file=sys.stderr)
         return 2
     return 0
 
 
 def _report(argv):
-    """Draws DIR/plots and DIR/report.html."""
+    """Writes report.html, or figures and tables for a paper."""
     parser = argparse.ArgumentParser(
-        prog="raybench_report",
-        description="Draws the plots (PNG and SVG) and report.html of a run from its CSV and JSON files.",
-        epilog="raybench_report heat --help: a sheet of heat maps; extremes --help: the plots of raybench extremes.",
+        prog="raybench report",
+        description="Makes one self-contained page of result folders, several runs side by side.",
+        epilog="python -m raybench_report heat --help: a sheet of heat maps; explain --help: the gap between two structures.",
     )
+    parser.add_argument("directories", metavar="DIR", nargs="+", type=Path, help="what run, verify, extremes, fuzz or check-plugin wrote with --out")
+    parser.add_argument("-o", "--out", metavar="FILE", type=Path, help="the page; default: report.html in the first DIR")
+    parser.add_argument("--figures", action="store_true", help="write figures (PDF, SVG, PNG) and tables (LaTeX, Markdown, CSV) instead, to the folder `figures`, or --out")
+    arguments = parser.parse_args(argv)
+    kinds = all_kinds()
+    found = report.read(arguments.directories, kinds)
+    sections = [
+        section
+        for kind in kinds
+        if (folders := [f for f in [*found.runs, *found.others] if kind.holds(f.directory) and _first(kinds, f) is kind])
+        for section in kind.sections(found, folders)
+    ]
+    if arguments.figures:
+        from . import figures
+
+        return figures.write(arguments.out or arguments.directories[0] / "figures", found, sections)
+    from . import page
+
+    out = arguments.out or arguments.directories[0] / "report.html"
+    page.write(out, found, sections)
+    return f"report  {out} ({out.stat().st_size / 1e6:.1f} MB)\n"
+
+
+def _first(kinds, folder):
+    return next(kind for kind in kinds if kind.holds(folder.directory))
+
+
+def _explain(argv):
+    """Prints why one structure is slower than another."""
+    from . import explain
+
+    parser = argparse.ArgumentParser(prog="raybench explain", description="Splits the gap between two structures into visits, primitive tests and bytes, and time per each.")
+    parser.add_argument("one", metavar="A")
+    parser.add_argument("other", metavar="B")
     parser.add_argument("directory", metavar="DIR", type=Path, help="what `raybench run --out DIR` wrote")
-    directory = parser.parse_args(argv).directory
-    if (directory / "extremes.csv").is_file() and not (directory / "cases.csv").is_file():
-        return _extremes(["extremes", str(directory)])
-    run = results.read(directory)
-    drawn = plots.draw_all(run)
-    written = page.write(run, drawn, heat.draw_all(run))
-    return f"{len(drawn)} plots as PNG and SVG in {directory / 'plots'}; {written}\n"
-
-
-def _extremes(argv):
-    """Draws DIR/plots and DIR/extremes.html."""
-    parser = argparse.ArgumentParser(
-        prog="raybench_report extremes", description="Draws a figure for each suite of `raybench extremes`."
-    )
-    parser.add_argument("directory", metavar="DIR", type=Path, help="what `raybench extremes --out DIR` wrote")
-    directory = parser.parse_args(argv[1:]).directory
-    found = extremes.read(directory)
-    drawn = extremes.draw_all(found)
-    written = extremes.write(found, drawn)
-    return f"{len(drawn)} plots as PNG and SVG in {directory / 'plots'}; {written}\n"
+    parser.add_argument("--scene", help="one scene only")
+    parser.add_argument("--rays", help="one ray set only")
+    parser.add_argument("--json", action="store_true")
+    arguments = parser.parse_args(argv[1:])
+    found = report.read([arguments.directory], [kind for kind in all_kinds() if kind.is_run])
+    run = found.runs[0].shown
+    gaps = explain.gaps(found, arguments.one, arguments.other, run, arguments.scene, arguments.rays)
+    if arguments.json:
+        return json.dumps(explain.as_json(gaps), indent=1) + "\n"
+    return explain.text(found, arguments.one, arguments.other, gaps, run)
 
 
 def _heat(argv):
     """Draws a sheet of heat maps."""
+    from . import heat, heat_sheet
+
     parser = argparse.ArgumentParser(
         prog="raybench_report heat", description="Draws the heat maps of one scene as a sheet with legends."
     )
@@ -63,7 +92,7 @@ def _heat(argv):
     parser.add_argument("--scale", choices=["linear", "log", "auto"], default="auto")
     arguments = parser.parse_args(argv[1:])
     kinds = tuple(heat.KINDS) if arguments.kind == "both" else (arguments.kind,)
-    heat.write(heat.read(arguments.folder), arguments.out, kinds, arguments.scale)
+    heat_sheet.write(heat.read(arguments.folder), arguments.out, kinds, arguments.scale)
     return ""
 
 

@@ -2,9 +2,7 @@
 
 import json
 import os
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from multiprocessing import get_context
 from pathlib import Path
 
 import pandas as pd
@@ -16,6 +14,9 @@ VERDICTS = [
     "false_hit_marginal",
 ]  # fmt: skip
 
+# Plainly wrong answers; marginal ones do not count.
+ERRORS = ["leak", "wrong", "false_miss", "false_hit"]
+
 # The structure that always misses: what it costs is the harness's own cost.
 NULL = "null"
 
@@ -24,11 +25,12 @@ class RunError(Exception):
     """The directory does not hold a run that can be drawn; one line that says why."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class Run:
     """A run as read. NaN means not available. `cases` has these columns besides those of cases.csv:
 
     label        scene as shown: without its folders where that is unambiguous
+    threads_label  "1 thread"
     rays_label   ray set as shown: with its order where shuffled, and with its query where any hit ends it
     errors       share of the verified rays answered wrongly: leak, wrong, false_miss, false_hit; marginal ones do
                  not count
@@ -38,26 +40,7 @@ class Run:
     cases: pd.DataFrame
     samples: pd.DataFrame
     info: dict
-
-    @property
-    def builds(self):
-        """Build cases."""
-        return self.cases[self.cases["query"] == "build"]
-
-    @property
-    def queries(self):
-        """Cases that trace rays."""
-        return self.cases[self.cases["query"] != "build"]
-
-    @property
-    def specs(self):
-        """Structures as labelled, but for `null`, sorted."""
-        return sorted(self.cases.loc[self.cases["structure"] != NULL, "spec"].unique())
-
-    @property
-    def scenes(self):
-        """Scenes as shown, in the order of the file."""
-        return list(self.cases["label"].unique())
+    shown: str = ""  # its name in a report
 
 
 def read(directory):
@@ -68,8 +51,8 @@ def read(directory):
     info = read_info(directory / "run.json")
     cases = read_table(directory / "cases.csv")
     samples = read_table(directory / "samples.csv")
-    if not (timed(cases)["structure"] != NULL).any():
-        raise RunError(f"{directory / 'cases.csv'}: nothing timed, so there is nothing to draw")
+    if cases.empty:
+        raise RunError(f"{directory / 'cases.csv'}: no cases, so there is nothing to show")
     return Run(directory, _with_labels(cases), samples, info)
 
 
@@ -86,15 +69,6 @@ def write_atomically(path, write):
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
-
-
-def in_parallel(function, calls):
-    """[function(*arguments) for arguments in calls], by as many processes as there are processors."""
-    workers = min(os.cpu_count() or 1, len(calls))
-    if workers < 2:
-        return [function(*arguments) for arguments in calls]
-    with ProcessPoolExecutor(workers, get_context("fork")) as pool:
-        return [future.result() for future in [pool.submit(function, *arguments) for arguments in calls]]
 
 
 def read_table(path):
@@ -155,6 +129,7 @@ def _with_labels(cases):
     return cases.assign(
         label=cases["scene"].map(short) if unique else cases["scene"],
         rays_label=cases["ray_set"] + order + query,
-        errors=cases[["leak", "wrong", "false_miss", "false_hit"]].sum(axis=1, min_count=4)
+        threads_label=cases["threads"].map(lambda n: "" if pd.isna(n) else "1 thread" if n == 1 else f"{n:.0f} threads"),
+        errors=cases[ERRORS].sum(axis=1, min_count=4)
         / cases["verified"].where(cases["verified"] > 0),
     )

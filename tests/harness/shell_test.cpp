@@ -187,12 +187,12 @@ TEST_F(HarnessShell, APictureThatMayNotGrowLeavesNoHalf) {
   EXPECT_FALSE(fs::exists(folder_ / "a.png"));
 }
 
-TEST_F(HarnessShell, WithoutPythonARunSaysHowToDrawItsPlotsAndAReportSaysWhy) {
+TEST_F(HarnessShell, WithoutPythonARunSaysHowToMakeItsPageAndAReportSaysWhy) {
   const std::string run =
       "$RB run 'icosphere(level=1)' --structures bvh_sah --quick --rays 64 --threads 1 --out r";
   const Outcome outcome = Shell("RAYBENCH_PYTHON=/nonexistent " + run);
   EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
-  EXPECT_THAT(outcome.out, HasSubstr("plots   not drawn: "));
+  EXPECT_THAT(outcome.out, HasSubstr("report  not made: "));
   EXPECT_THAT(outcome.out, HasSubstr("then: raybench report r"));
   const Outcome report = Shell("RAYBENCH_PYTHON=/nonexistent $RB report r");
   EXPECT_EQ(report.exit_code, 2);

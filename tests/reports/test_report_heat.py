@@ -6,9 +6,8 @@ from itertools import combinations
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from raybench_report import heat
+from raybench_report import heat, heat_sheet
 from raybench_report.__main__ import main
-from test_report_plots import full_run, write_run
 
 SPECS = ["bvh_sah", "bvh_sah(numerics=fast)", "grid(resolution_x=35,insertion=bounds)", "kdtree", "octree", "lbvh", "x"]
 
@@ -50,8 +49,8 @@ def test_a_sheet_is_drawn_and_its_panels_differ(tmp_path):
     assert main(["heat", str(folder), "--out", str(out)]) == 0
     assert [path.name for path in tmp_path.iterdir() if path.is_file()] == ["sheet.png"]  # nothing temporary left
     pixels = plt.imread(out)
-    figure = heat.sheet(heat.read(folder))
-    width, height = figure.get_size_inches() * heat.DPI
+    figure = heat_sheet.sheet(heat.read(folder))
+    width, height = figure.get_size_inches() * heat_sheet.DPI
     assert pixels.shape[:2] == (round(height), round(width))
     shown = []
     for axis in panels(figure):
@@ -69,7 +68,7 @@ def test_a_sheet_is_drawn_and_its_panels_differ(tmp_path):
 
 def test_equal_colours_are_equal_counts_in_all_panels_of_a_row(tmp_path):
     maps = heat.read(make_folder(tmp_path, SPECS[:3]))
-    figure = heat.sheet(maps)
+    figure = heat_sheet.sheet(maps)
     for kind, axes in (("steps", panels(figure)[:3]), ("prims", panels(figure)[3:])):
         limits = {axis.images[0].get_clim() for axis in axes}
         assert len(limits) == 1
@@ -83,7 +82,7 @@ def test_equal_colours_are_equal_counts_in_all_panels_of_a_row(tmp_path):
 
 def test_titles_say_mean_and_maximum_and_the_rest_is_said_in_words(tmp_path):
     maps = heat.read(make_folder(tmp_path))
-    figure = heat.sheet(maps)
+    figure = heat_sheet.sheet(maps)
     steps = maps.maps["bvh_sah"]["steps"]
     assert panels(figure)[0].get_title(loc="left") == f"bvh_sah\nmean {steps.mean():.1f}, max 1,800"
     words = " ".join(" ".join(text.get_text().split()) for text in drawn_texts(figure))
@@ -99,7 +98,7 @@ def test_titles_say_mean_and_maximum_and_the_rest_is_said_in_words(tmp_path):
     ("count", "size"), [*((n, (96, 48)) for n in (1, 2, 4, 6, 7)), (1, (900, 100)), (3, (900, 100)), (2, (16, 40))]
 )
 def test_no_text_touches_another_or_leaves_the_sheet(tmp_path, count, size, kinds):
-    figure = heat.sheet(heat.read(make_folder(tmp_path, SPECS[:count], size)), kinds)
+    figure = heat_sheet.sheet(heat.read(make_folder(tmp_path, SPECS[:count], size)), kinds)
     figure.canvas.draw()
     whole = figure.bbox
     boxes = [(text.get_text(), text.get_window_extent()) for text in drawn_texts(figure)]
@@ -121,24 +120,14 @@ def test_no_text_touches_another_or_leaves_the_sheet(tmp_path, count, size, kind
 def test_the_scale_is_logarithmic_where_one_structure_costs_far_more_or_on_demand():
     cheap, dear = np.full((4, 4), 30, np.uint32), np.full((4, 4), 60_000, np.uint32)
     cheap[0, 0] = 0
-    linear, _ = heat.norm([cheap, cheap * 2])
-    assert not isinstance(linear, heat.colors.FuncNorm) and linear.vmax == 60
-    log, clipped = heat.norm([cheap, dear])
-    assert isinstance(log, heat.colors.FuncNorm) and not clipped
+    linear, _ = heat_sheet.norm([cheap, cheap * 2])
+    assert not isinstance(linear, heat_sheet.colors.FuncNorm) and linear.vmax == 60
+    log, clipped = heat_sheet.norm([cheap, dear])
+    assert isinstance(log, heat_sheet.colors.FuncNorm) and not clipped
     assert float(log(0)) == 0 and float(log(60_000)) == 1 and 0.3 < float(log(30)) < 0.35
-    assert isinstance(heat.norm([cheap], "log")[0], heat.colors.FuncNorm)
-    assert not isinstance(heat.norm([cheap, dear], "linear")[0], heat.colors.FuncNorm)
-    assert heat.norm([cheap * 0])[0].vmax == 1
-
-
-def test_the_report_shows_the_heat_maps_of_a_run(tmp_path):
-    run = write_run(tmp_path / "run", full_run())
-    make_folder(run / "heat" / "sponza")
-    make_folder(run / "heat" / "silent", specs=())
-    assert main([str(run)]) == 0
-    assert (run / "plots" / "heat_sponza.png").is_file() and not (run / "plots" / "heat_silent.png").exists()
-    page = (run / "report.html").read_text()
-    assert "Heat maps" in page and page.count('src="plots/heat_') == 1 and 'src="plots/heat_sponza.png"' in page
+    assert isinstance(heat_sheet.norm([cheap], "log")[0], heat_sheet.colors.FuncNorm)
+    assert not isinstance(heat_sheet.norm([cheap, dear], "linear")[0], heat_sheet.colors.FuncNorm)
+    assert heat_sheet.norm([cheap * 0])[0].vmax == 1
 
 
 def spoil_missing_folder(folder):

@@ -1,0 +1,1 @@
+"""Every chart of the report, a module an idea."""

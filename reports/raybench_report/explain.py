@@ -1,0 +1,167 @@
+"""Why one structure is slower than another: the gap split into visits, tests and bytes, and time per each."""
+
+from dataclasses import asdict, dataclass
+from itertools import combinations
+
+import numpy as np
+
+from .results import NULL, RunError
+
+WORK = {"steps": "visits", "prims": "primitive tests", "bytes": "bytes"}
+PARTS = {"steps": "visits", "prims": "primitive tests", "bytes": "bytes beyond those of visits and tests"}
+
+
+@dataclass
+class Prices:
+    """What a visit, a primitive test and a byte cost on one scene, ns: time ~ base + sum of price x count, by least squares
+    of relative errors over all structures that count and all ray sets, no price below zero. Most bytes come with visits
+    and tests (`bytes_per_step`, `bytes_per_prim`, fitted likewise), and are part of their prices; the price of a byte is
+    that of those beyond. `error`: the median relative error of time."""
+
+    base: float
+    steps: float
+    prims: float
+    bytes: float
+    bytes_per_step: float
+    bytes_per_prim: float
+    cases: int
+    error: float
+
+    def parts(self, row):
+        """ns of visits, tests and bytes beyond, for a row with counts."""
+        beyond = row["bytes"] - self.bytes_per_step * row["steps"] - self.bytes_per_prim * row["prims"]
+        return {"steps": self.steps * row["steps"], "prims": self.prims * row["prims"], "bytes": self.bytes * beyond}
+
+
+def prices(report):
+    """(run, scene) → Prices, where at least six cases count."""
+    known = report.totals
+    null = report.timed_queries
+    null = null[null["structure"] == NULL]
+    found = {}
+    for (run, label), here in known.groupby(["run", "label"], sort=False):
+        here = here[here[list(WORK)].notna().all(axis=1)]
+        if len(here) < 6:
+            continue
+        base = null.loc[(null["run"] == run) & (null["label"] == label), "median_ns"].median()
+        base = 0.0 if np.isnan(base) else float(base)
+        found[run, label] = _fit(here, base)
+    return found
+
+
+def _fit(here, base):
+    counts, time = here[list(WORK)].to_numpy(dtype=float), here["ns"].to_numpy(dtype=float)
+    usual = _least_squares(counts[:, :2], counts[:, 2], np.maximum(counts[:, 2], 1))
+    beyond = counts[:, 2] - counts[:, :2] @ usual
+    known = np.column_stack([counts[:, :2], beyond])
+    price = _least_squares(known, time - base, time)
+    error = np.median(np.abs((base + known @ price) / time - 1))
+    return Prices(base, *map(float, price), *map(float, usual), cases=len(here), error=float(error))
+
+
+def _least_squares(known, target, scale):
+    """Coefficients >= 0 that minimise the sum of ((known @ x - target) / scale)^2: the best of all choices of columns
+    whose plain solution has no negative one."""
+    weighted, wanted, count = known / scale[:, None], target / scale, known.shape[1]
+    best, error = np.zeros(count), (wanted**2).sum()
+    for choice in (list(c) for n in range(1, count + 1) for c in combinations(range(count), n)):
+        size = np.linalg.norm(weighted[:, choice], axis=0)
+        if (size == 0).any():
+            continue
+        solution = np.linalg.lstsq(weighted[:, choice] / size, wanted, rcond=None)[0] / size
+        rest = ((weighted[:, choice] @ solution - wanted) ** 2).sum()
+        if (solution >= 0).all() and rest < error:
+            best, error = np.zeros(count), rest
+            best[choice] = solution
+    return best
+
+
+@dataclass
+class Gap:
+    """Time per ray of `one` minus that of `other` on one scene and ray set, ns, and its parts: visits, tests and bytes
+    at the scene's prices; `rest` is what one pays more (less) for each than the prices say. Nothing where either
+    cannot count."""
+
+    scene: str
+    rays: str
+    ns: tuple
+    counts: dict
+    parts: dict | None
+
+
+def gaps(report, one, other, run, scene=None, rays=None):
+    """[Gap] for each scene and ray set that both were timed on. Throws RunError where there is none."""
+    known = report.totals
+    known = known[known["run"] == run]
+    for spec in (one, other):
+        if spec not in set(known["spec"]):
+            raise RunError(f"{spec}: not timed in this run; timed: {', '.join(s for s in report.order if s in set(known['spec']))}")
+    for value, column, what in ((scene, "label", "scene"), (rays, "rays_label", "ray set")):
+        if value is not None:
+            names = list(known[column].unique())
+            chosen = known[(known[column] == value) | (known["ray_set" if column == "rays_label" else "scene"] == value)]
+            if chosen.empty:
+                raise RunError(f"{value}: no such {what}; there are: {', '.join(names)}")
+            known = chosen
+    price = prices(report)
+    found = []
+    for (label, rays_label), here in known.groupby(["label", "rays_label"], sort=False):
+        pair = [here[here["spec"] == spec] for spec in (one, other)]
+        if any(p.empty for p in pair):
+            continue
+        found.append(gap(pair[0].iloc[0], pair[1].iloc[0], price.get((run, label))))
+    if not found:
+        raise RunError(f"{one} and {other} were not timed on the same rays")
+    return found
+
+
+def gap(one, other, price):
+    """The Gap of two rows of charts/pays.py's totals()."""
+    counts = {name: (float(one[name]), float(other[name])) for name in WORK}
+    parts = None
+    if price and not any(np.isnan(v) for pair in counts.values() for v in pair):
+        mine, others = price.parts(one), price.parts(other)
+        parts = {name: float(mine[name] - others[name]) for name in WORK}
+        parts["rest"] = float(one["ns"] - other["ns"]) - sum(parts.values())
+    return Gap(one["label"], one["rays_label"], (float(one["ns"]), float(other["ns"])), counts, parts)
+
+
+def text(report, one, other, found, run):
+    """The gaps as lines for a terminal."""
+    price = prices(report)
+    lines = [f"{one} against {other}, run {run}: time per ray, and what makes the difference"]
+    scene = None
+    for g in found:
+        if g.scene != scene:
+            scene = g.scene
+            lines += ["", scene]
+            if p := price.get((run, scene)):
+                lines.append(
+                    f"  prices here, fitted over {p.cases} cases (median error {100 * p.error:.0f} %): "
+                    f"{p.steps:.3g} ns a visit and {p.prims:.3g} ns a test, with the bytes they usually touch; {p.bytes:.3g} ns a byte beyond"
+                )
+        a, b = g.ns
+        word = f"{a / b:.3g} times as long" if a >= b else f"{b / a:.3g} times as fast"
+        lines.append(f"  {g.rays}: {a:,.4g} ns against {b:,.4g} ns: {word}")
+        for name, title in WORK.items():
+            x, y = g.counts[name]
+            if np.isnan(x) or np.isnan(y):
+                silent = " and ".join(s for s, v in ((one, x), (other, y)) if np.isnan(v))
+                lines.append(f"    {title:<16} not counted by {silent}")
+                continue
+            each = f"{a / x:.3g} / {b / y:.3g} ns each" if x > 0 and y > 0 else ""
+            share = f"{g.parts[name]:+,.4g} ns" if g.parts else ""
+            lines.append(f"    {title:<16} {x:>12,.4g} against {y:<12,.4g} {share:>14}   {each}")
+        if g.parts:
+            lines.append(f"    {'time per each':<16} {'':>12}         {'':<12} {g.parts['rest']:+,.4g} ns".rstrip())
+            largest = max(g.parts, key=lambda name: abs(g.parts[name]))
+            if a != b and g.parts[largest] / (a - b) > 0:
+                what = PARTS.get(largest, "time per each visit, test and byte")
+                share = 100 * g.parts[largest] / (a - b)
+                lines.append(f"    {'more than all' if share > 100 else 'most'} of it: {what}, {share:.0f} % of the gap")
+    return "\n".join(lines) + "\n"
+
+
+def as_json(found):
+    """For programs."""
+    return [asdict(g) for g in found]

@@ -1,0 +1,59 @@
+"""Kinds of result folders: a module each, with what to read and what the report shows of it.
+
+A new kind is a module with a `KIND` and its place in the list below.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+
+@dataclass
+class Section:
+    """A part of the page: a heading, sentences, charts, tables, and perhaps a template of its own in page/parts/."""
+
+    name: str
+    title: str
+    nav: str = ""  # a short title for the row of links
+    says: list = field(default_factory=list)
+    charts: list = field(default_factory=list)
+    tables: list = field(default_factory=list)
+    template: str | None = None
+    data: dict = field(default_factory=dict)
+
+
+@dataclass
+class Table:
+    """A static table: heads and rows of text or numbers."""
+
+    name: str
+    title: str
+    heads: list
+    rows: list
+
+
+@dataclass
+class Kind:
+    """marker   the file by which such a folder is known
+    command  what leaves it
+    read     folder → object with `directory`, to which `shown` is added; throws RunError
+    sections (report, folders of this kind) → [Section]
+    """
+
+    name: str
+    marker: str
+    command: str
+    read: Callable
+    sections: Callable
+    is_run: bool = False
+
+    def holds(self, directory: Path):
+        """Whether the folder is one of these."""
+        return (directory / self.marker).is_file()
+
+
+def all_kinds():
+    """In the order in which folders are tried and sections stand."""
+    from . import crossings, extremes, fuzz, run, verify
+
+    return [run.KIND, verify.KIND, crossings.KIND, extremes.KIND, fuzz.KIND]
