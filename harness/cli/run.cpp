@@ -80,6 +80,15 @@ void AddOptions(CLI::App& command, RunArguments& arguments) {
   command.add_flag("--shuffled", run.shuffled, "Also time a shuffled copy of each traced ray set");
   command.add_flag("--drop-bad", run.drop_bad, "Leave out bad triangles instead of refusing the file");
   command.add_flag("--resume", run.resume, "Continue the run in --out and keep its finished cases");
+  command.add_flag("--keep-rays", run.keep_rays,
+                   "Store the captured ray sets in the result folder, for --again");
+  command
+      .add_option(
+          "--again", run.again,
+          "Measure anew, in this process, what the same program measured in DIR (with --keep-rays). Its "
+          "rays are read from there; its verdicts, counters and figures of trees are taken over "
+          "where the tree and all answers have the same digests, else judged as ever")
+      ->type_name("DIR");
   command.add_flag("--no-report", arguments.no_report, "Draw no plots");
   command.footer(std::string(kGoals) + "\nRay sets, N being the depth:\n" +
                  FormatFamilies(CapturedFamilies()) +

@@ -1,0 +1,140 @@
+"""Times of result folders, as decisions use them: one value for each comparison and each process."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .. import columns, results
+
+KEY = ["scene", "spec", "ray_set", "order", "query", "threads"]
+
+
+@dataclass(frozen=True, order=True)
+class Comparison:
+    """What is compared between two programs: a case without what may change (`params`, hashes), or all ray sets of a
+    structure together (`ray_set` is ALL_SETS)."""
+
+    scene: str
+    spec: str
+    ray_set: str
+    order: str
+    query: str
+    threads: int
+
+    @property
+    def name(self):
+        """Scene / structure / ray set, with what is not usual."""
+        parts = [self.scene, self.spec, self.ray_set + ("~" if self.order == "shuffled" else "")]
+        if self.threads != 1:
+            parts.append(f"{self.threads} threads")
+        return " / ".join(part for part in parts if part)
+
+    @property
+    def is_summary(self):
+        return self.ray_set == ALL_SETS
+
+
+ALL_SETS = "all ray sets"
+
+
+def read_cases(folder):
+    """cases.csv, after run.json has been found to be of this format. Throws RunError."""
+    results.read_info(folder / "run.json")
+    return results.read_table(folder / "cases.csv")
+
+
+def comparison_of(row):
+    return Comparison(*(row[name] for name in KEY[:-1]), int(row["threads"]))
+
+
+@dataclass(frozen=True)
+class Times:
+    """Of one process. `ns`: median time over the samples of a case; `rays`: how many of its rays were timed, which two
+    processes must have in common."""
+
+    ns: dict
+    rays: dict
+
+    def relative_to(self, anchor):
+        """Each time as a ratio to the anchor's on the same rays; cases without one, and the anchor's own, are left
+        out."""
+        ns = {}
+        for c, value in self.ns.items():
+            beside = Comparison(c.scene, anchor, c.ray_set, c.order, c.query, c.threads)
+            if beside != c and beside in self.ns and self.rays[beside] == self.rays[c]:
+                ns[c] = value / self.ns[beside]
+        return Times(ns, {c: self.rays[c] for c in ns})
+
+
+def times_of(folder):
+    """A list of Times, one for each process that the folder has samples of, from samples.csv. Throws RunError."""
+    cases = read_cases(folder)
+    samples = results.read_table(folder / "samples.csv")
+    session = samples["session"] if "session" in samples.columns else samples["sample"] * 0
+    seconds = np.where(samples["threads"] == 1, samples["cpu_seconds"], samples["seconds"])
+    medians = samples.assign(session=session, taken=seconds).groupby(["session", "case_id"])["taken"].median()
+    timed = cases[cases["status"] == "timed"].set_index("case_id")
+    found = []
+    for _, of_session in medians.groupby(level="session"):
+        ns, rays = {}, {}
+        for (_, case_id), value in of_session.items():
+            if case_id not in timed.index or not value > 0:
+                continue
+            row = timed.loc[case_id]
+            key = comparison_of(row)
+            count = row["timed_rays"]
+            ns[key] = value * 1e9 / (1 if key.query == "build" else count)
+            rays[key] = None if key.query == "build" else int(count)
+        found.append(Times(ns, rays))
+    if not found:
+        raise results.RunError(f"{folder / 'samples.csv'}: no case has a time")
+    return found
+
+
+@dataclass(frozen=True)
+class Ratios:
+    """Rows of log(B/A), one a comparison, columns in the order of the pairs; what could not be compared, and why."""
+
+    comparisons: list
+    log_ratios: np.ndarray
+    left_out: dict
+
+
+def ratios_of(pairs, builds=True):
+    """Of pairs of Times (A, B). A comparison that some process lacks, or timed on another part of the rays, is left
+    out. Each structure with more than one ray set gets a row for all of them: the mean of their log-ratios, the
+    logarithm of the ratio's geometric mean."""
+    first = pairs[0][0]
+    wanted = [c for c in first.ns if builds or c.query != "build"]
+    left_out, kept, rows = {}, [], []
+    for c in wanted:
+        if any(c not in side.ns for pair in pairs for side in pair):
+            left_out[c] = "has no time in some process"
+        elif len({side.rays[c] for pair in pairs for side in pair}) > 1:
+            left_out[c] = "timed on different parts of its rays; give a larger --budget"
+        else:
+            kept.append(c)
+            rows.append([np.log(b.ns[c] / a.ns[c]) for a, b in pairs])
+    for c in {c for pair in pairs for c in pair[1].ns} - set(first.ns):
+        left_out[c] = "is new: there is nothing to compare it with"
+    return with_summaries(Ratios(kept, np.array(rows).reshape(len(rows), len(pairs)), left_out))
+
+
+def with_summaries(ratios):
+    """The same with a row for all ray sets of each structure and scene."""
+    groups = {}
+    for i, c in enumerate(ratios.comparisons):
+        if c.query != "build":
+            groups.setdefault((c.scene, c.spec, c.threads), []).append(i)
+    comparisons, rows = list(ratios.comparisons), list(ratios.log_ratios)
+    for (scene, spec, threads), members in groups.items():
+        if len(members) > 1:
+            comparisons.append(Comparison(scene, spec, ALL_SETS, "", "", threads))
+            rows.append(ratios.log_ratios[members].mean(axis=0))
+    return Ratios(comparisons, np.array(rows).reshape(len(rows), -1), ratios.left_out)
+
+
+def deterministic_columns():
+    """The columns of cases.csv that must agree between two runs, besides those that name the case."""
+    named = {*KEY, "case_id", "oracle", "note", "anchor", "structure", "seed"}
+    return [name for name, *_, varies, _ in columns.columns_of("cases.csv") if not varies and name not in named]
