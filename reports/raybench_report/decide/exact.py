@@ -30,8 +30,9 @@ class Difference:
 
 
 def figures_of(folder, own_only=False):
-    """{comparison: {figure: value}} of a result folder: all columns that do not vary between runs, absent ones left
-    out. `own_only`: without structures of libraries, whose code changes with their versions. Throws RunError."""
+    """{comparison: {figure: value}} of a result folder: all columns that do not vary between runs; absent ones are left
+    out, and those of a tree stand with its build alone. `own_only`: without structures of libraries, whose code changes
+    with their versions. Throws RunError."""
     cases = samples.read_cases(folder)
     names = samples.deterministic_columns()
     figures = {}
@@ -40,6 +41,14 @@ def figures_of(folder, own_only=False):
             continue
         values = {name: _plain(row[name]) for name in names}
         figures[samples.comparison_of(row)] = {name: value for name, value in values.items() if value is not None}
+    builds = {}
+    for c, values in figures.items():
+        if c.query == "build":
+            builds.setdefault((c.scene, c.spec), values)
+    for c, values in figures.items():
+        of_build = builds.get((c.scene, c.spec), {}) if c.query != "build" else {}
+        for name in [name for name in values if name != "status" and of_build.get(name) == values[name]]:
+            del values[name]
     return figures
 
 

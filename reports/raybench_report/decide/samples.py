@@ -1,6 +1,8 @@
 """Times of result folders, as decisions use them: one value for each comparison and each process."""
 
+import csv
 from dataclasses import dataclass
+from statistics import median
 
 import numpy as np
 
@@ -68,27 +70,36 @@ class Times:
 
 def times_of(folder):
     """A list of Times, one for each process that the folder has samples of, from samples.csv. Throws RunError."""
-    cases = read_cases(folder)
-    samples = results.read_table(folder / "samples.csv")
-    session = samples["session"] if "session" in samples.columns else samples["sample"] * 0
-    seconds = np.where(samples["threads"] == 1, samples["cpu_seconds"], samples["seconds"])
-    medians = samples.assign(session=session, taken=seconds).groupby(["session", "case_id"])["taken"].median()
-    timed = cases[cases["status"] == "timed"].set_index("case_id")
-    found = []
-    for _, of_session in medians.groupby(level="session"):
-        ns, rays = {}, {}
-        for (_, case_id), value in of_session.items():
-            if case_id not in timed.index or not value > 0:
-                continue
-            row = timed.loc[case_id]
-            key = comparison_of(row)
-            count = row["timed_rays"]
-            ns[key] = value * 1e9 / (1 if key.query == "build" else count)
-            rays[key] = None if key.query == "build" else int(count)
-        found.append(Times(ns, rays))
+    results.read_info(folder / "run.json")
+    timed = {row["case_id"]: row for row in _rows(folder / "cases.csv") if row["status"] == "timed"}
+    taken = {}
+    try:
+        for row in _rows(folder / "samples.csv"):
+            if row["case_id"] in timed:
+                seconds = float(row["cpu_seconds"] if row["threads"] == "1" else row["seconds"])
+                taken.setdefault(row.get("session") or "0", {}).setdefault(row["case_id"], []).append(seconds)
+        found = []
+        for of_session in taken.values():
+            ns, rays = {}, {}
+            for case_id, seconds in of_session.items():
+                c = comparison_of(timed[case_id])
+                rays[c] = None if c.query == "build" else int(timed[case_id]["timed_rays"])
+                ns[c] = median(seconds) * 1e9 / (rays[c] or 1)
+            found.append(Times(ns, rays))
+    except (KeyError, ValueError) as error:
+        raise results.RunError(f"{folder / 'samples.csv'}: not what `raybench run` wrote: {error}") from None
     if not found:
         raise results.RunError(f"{folder / 'samples.csv'}: no case has a time")
     return found
+
+
+def _rows(path):
+    """Read without pandas, which takes longer than a small run."""
+    try:
+        with open(path, newline="", encoding="utf-8") as file:
+            return list(csv.DictReader(file))
+    except OSError as error:
+        raise results.RunError(f"{path}: {error.strerror}") from None
 
 
 @dataclass(frozen=True)
