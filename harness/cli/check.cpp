@@ -43,7 +43,8 @@ void AddOptions(CLI::App& command, CheckOptions& options) {
       ->type_name("\"CMD\"");
   command
       .add_option("--binary", options.binary,
-                  "With --commits: what was built there, and with its arguments is run; default "
+                  "With --commits: what is run: a program of the worktree, or any with {tree} for the "
+                  "worktree in its arguments; default "
                   "\"build/release/raybench run --quick\"")
       ->type_name("\"PATH ...\"");
   command

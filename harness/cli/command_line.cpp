@@ -30,6 +30,8 @@ Examples:
   raybench extremes --quick             find where answers begin to fail: far away, slivers, copies, ...
   raybench spd                          compare ray counts with published ones
   raybench report results/mine          draw the plots again
+  raybench check --commits main HEAD    did it become slower, or different?
+  raybench doctor                       what of this machine spoils timings
 Computed truth is stored beside fetched models, in RAYBENCH_CACHE or else ~/.cache/raybench, for the next
 run. RAYBENCH_TRUTH_CACHE=off turns that off.
 Exit codes: 0 success; 1 a broken claim; 2 wrong input; 3 inconclusive; 130 interrupted.)help";

@@ -41,7 +41,7 @@ const Contestant* Find(std::span<const Contestant> contestants, const std::strin
 std::vector<std::string> Differing(const Contestant& a, const Contestant& b) {
   std::vector<std::string> names;
   for (const rb_param& p : std::span(a.structure->params, a.structure->param_count))
-    if ((p.flags & 4u) == 0 &&
+    if ((p.flags & RB_PARAM_SPEED_ONLY) == 0 &&
         FormatParameter(p, a.config.data()) != FormatParameter(p, b.config.data()))
       names.push_back(p.name);
   return names;

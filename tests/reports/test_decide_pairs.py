@@ -5,6 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from raybench_report.__main__ import main
 from raybench_report.decide import pairs, samples
@@ -32,8 +33,6 @@ def test_the_same_program_passes_whatever_the_machine_does(tmp_path, capsys):
     told = json.loads((tmp_path / "check.json").read_text())
     again = stream.ratios("library")
     shown = {row["name"]: row["log_ratio"] for row in told["time"]["comparisons"]}
-    import numpy as np
-
     assert shown == pytest.approx(dict(zip([c.name for c in again.comparisons], np.median(again.log_ratios, axis=1))))
 
 
@@ -56,6 +55,13 @@ def test_too_few_pairs_are_said_to_be_too_few(capsys):
     assert "at least 20" in capsys.readouterr().out
 
 
+def test_a_budget_without_any_pair_still_gives_the_exact_part(capsys):
+    same = command(0, 0.002)
+    assert main(["check", "--run", same, same, "--seconds", "0.001"]) == 3
+    assert main(["check", "--run", same, command(0, 0.002, "11.5"), "--seconds", "0.001"]) == 1
+    assert "0 pairs" in capsys.readouterr().out
+
+
 def test_another_counter_fails_however_fast(capsys):
     assert check(command(0, 0.002), command(-0.5, 0.002, "10.501"), "--exact-only") == 1
     assert "10.501" in capsys.readouterr().out
@@ -76,13 +82,17 @@ def test_a_structure_that_is_new_or_timed_on_other_rays_is_left_out_and_said():
     assert ratios.comparisons == [at[0]] and set(ratios.left_out) == {at[1], at[2]}
 
 
-def test_all_ray_sets_of_a_structure_are_a_comparison_of_their_own():
-    at = [samples.Comparison("s", "a", ray_set, "traced", "closest", 1) for ray_set in ("x", "y")]
-    one, two = samples.Times({at[0]: 1.0, at[1]: 1.0}, dict.fromkeys(at)), samples.Times({at[0]: 2.0, at[1]: 8.0}, dict.fromkeys(at))
-    ratios = samples.ratios_of([(one, two)])
-    import numpy as np
+def test_files_are_named_without_their_folders_unless_that_mixes_them_up():
+    assert samples.short_names(["/a/x.ply", "soup(file=a/b)"]) == {"/a/x.ply": "x.ply", "soup(file=a/b)": "soup(file=a/b)"}
+    assert samples.short_names(["/a/x.ply", "/b/x.ply"]) == {"/a/x.ply": "/a/x.ply", "/b/x.ply": "/b/x.ply"}
 
-    assert ratios.comparisons[2].is_summary and np.exp(ratios.log_ratios[2]) == pytest.approx(4)
+
+def test_all_ray_sets_of_a_structure_are_a_comparison_of_their_own():
+    at = [samples.Comparison("s", "a", ray_set, "traced", "closest", 1) for ray_set in ("x", "y", "z")]
+    one = samples.Times(dict.fromkeys(at, 1.0), dict.fromkeys(at))
+    two = samples.Times(dict(zip(at, (2.0, 8.0, 4.0))), dict.fromkeys(at))
+    ratios = samples.ratios_of([(one, two)])
+    assert ratios.comparisons[3].is_summary and np.exp(ratios.log_ratios[3]) == pytest.approx(4)
 
 
 def test_two_commits_are_built_and_compared(tmp_path, monkeypatch):

@@ -187,8 +187,8 @@ def _pair_notes(stream, ratios, look):
     notes = []
     if look is None:
         notes.append(
-            f"{len(stream.times)} pairs: a decision takes at least {decision.FEWEST_PAIRS}; give more --seconds, or "
-            "smaller scenes, fewer ray sets or a shorter --budget"
+            f"{len(stream.times)} pairs: a decision takes at least {decision.FEWEST_PAIRS}; give more --seconds, smaller "
+            "scenes, fewer ray sets or a shorter --budget"
         )
         return notes
     effect = pairs.statistics.order_effect(ratios.log_ratios, stream.a_first)

@@ -12,8 +12,9 @@ BINARY = "build/release/raybench run --quick"
 
 @contextmanager
 def built(names, build, binary, folder):
-    """Checks both commits out below `folder`, runs `build` in each and gives the two command lines: `binary`, its
-    program taken from the worktree where it is there. Removes the worktrees in the end. Throws RunError."""
+    """Checks both commits out below `folder`, runs `build` in each and gives the two command lines: `binary`, with the
+    worktree for {tree}, and its program taken from there if there is one. Removes the worktrees in the end. Throws
+    RunError."""
     trees = []
     try:
         commands = []
@@ -32,7 +33,7 @@ def built(names, build, binary, folder):
             if code.returncode != 0:
                 said = log.read_text(encoding="utf-8", errors="replace").strip().splitlines()[-20:]
                 raise results.RunError(f"--build: exit code {code.returncode} for {name}: " + " | ".join(said[-3:]))
-            words = shlex.split(binary)
+            words = shlex.split(binary.replace("{tree}", shlex.quote(str(tree))))
             if (tree / words[0]).exists():
                 words[0] = str(tree / words[0])
             commands.append(shlex.join(words))

@@ -165,13 +165,11 @@ def run(programs, folder, tolerance_of, budget, seed, anchor=None, until_all=Fal
         look = take_look()
         if look is None or decision.is_over(look, until_all):
             break
-    if not stream.times:
-        raise results.RunError(f"--seconds {budget.seconds:g}: no pair fits; judging both alone took {time.monotonic() - begin:.0f} s")
     if (look is None or look.pairs < len(stream.times)) and len(stream.times) >= decision.FEWEST_PAIRS:
         number += 1
         look = take_look()
     say(None)
-    return stream, stream.ratios(anchor), look
+    return stream, stream.ratios(anchor) if stream.times else samples.Ratios([], np.empty((0, 0)), {}), look
 
 
 def _status(stream, look, due, each, left):

@@ -1,6 +1,7 @@
 """Times of result folders, as decisions use them: one value for each comparison and each process."""
 
 import csv
+import os
 from dataclasses import dataclass
 from statistics import median
 
@@ -40,9 +41,18 @@ ALL_SETS = "all ray sets"
 
 
 def read_cases(folder):
-    """cases.csv, after run.json has been found to be of this format. Throws RunError."""
+    """cases.csv, after run.json has been found to be of this format, with scenes as short_names() has them. Throws
+    RunError."""
     results.read_info(folder / "run.json")
-    return results.read_table(folder / "cases.csv")
+    cases = results.read_table(folder / "cases.csv")
+    return cases.assign(scene=cases["scene"].map(short_names(cases["scene"].unique())))
+
+
+def short_names(scenes):
+    """{scene: name}: files without their folders, so that the worktrees of two commits have scenes of the same name;
+    as they are where that would mix scenes up."""
+    short = {scene: scene if "(" in scene else os.path.basename(scene) for scene in scenes}
+    return short if len(set(short.values())) == len(short) else {scene: scene for scene in scenes}
 
 
 def comparison_of(row):
@@ -71,7 +81,9 @@ class Times:
 def times_of(folder):
     """A list of Times, one for each process that the folder has samples of, from samples.csv. Throws RunError."""
     results.read_info(folder / "run.json")
-    timed = {row["case_id"]: row for row in _rows(folder / "cases.csv") if row["status"] == "timed"}
+    cases = _rows(folder / "cases.csv")
+    names = short_names({row["scene"] for row in cases})
+    timed = {row["case_id"]: {**row, "scene": names[row["scene"]]} for row in cases if row["status"] == "timed"}
     taken = {}
     try:
         for row in _rows(folder / "samples.csv"):
@@ -113,8 +125,8 @@ class Ratios:
 
 def ratios_of(pairs, builds=True):
     """Of pairs of Times (A, B). A comparison that some process lacks, or timed on another part of the rays, is left
-    out. Each structure with more than one ray set gets a row for all of them: the mean of their log-ratios, the
-    logarithm of the ratio's geometric mean."""
+    out. Each structure with more than one ray set gets a row for all of them: the median of their log-ratios. What
+    disturbs a process disturbs a few sets, so that their mean would be several times as noisy."""
     first = pairs[0][0]
     wanted = [c for c in first.ns if builds or c.query != "build"]
     left_out, kept, rows = {}, [], []
@@ -141,7 +153,7 @@ def with_summaries(ratios):
     for (scene, spec, threads), members in groups.items():
         if len(members) > 1:
             comparisons.append(Comparison(scene, spec, ALL_SETS, "", "", threads))
-            rows.append(ratios.log_ratios[members].mean(axis=0))
+            rows.append(np.median(ratios.log_ratios[members], axis=0))
     return Ratios(comparisons, np.array(rows).reshape(len(rows), -1), ratios.left_out)
 
 
