@@ -80,7 +80,11 @@ typedef struct {
  * as uint32_t (RB_BOOL), int64_t (RB_INT), double (RB_FLOAT) or uint32_t, an index of `choices` (RB_CHOICE).
  */
 enum { RB_BOOL, RB_INT, RB_FLOAT, RB_CHOICE };
-enum { RB_PARAM_LOG = 1, RB_PARAM_APPROXIMATE = 2 };
+enum {
+  RB_PARAM_LOG = 1,
+  RB_PARAM_APPROXIMATE = 2,
+  RB_PARAM_SPEED_ONLY = 4 /* neither the tree nor any answer depends on it */
+};
 typedef struct {
   const char *name, *doc;
   uint32_t type, flags, offset, reserved;

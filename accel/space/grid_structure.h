@@ -38,7 +38,8 @@ class GridStructure {
   }
 
   static constexpr rb_param MailboxParam(size_t offset) {
-    return BoolParam("mailbox", "do not test again what the ray met before", offset, false);
+    return BoolParam("mailbox", "do not test again what the ray met before", offset, false,
+                     RB_PARAM_SPEED_ONLY);
   }
 
  private:

@@ -33,6 +33,8 @@ Examples:
   raybench spd                          compare ray counts with published ones
   raybench report results/mine          a page to look at, mail and cite
   raybench explain grid bvh_sah results/mine   why is one slower than the other?
+  raybench check --commits main HEAD    did it become slower, or different?
+  raybench doctor                       what of this machine spoils timings
 Computed truth is stored beside fetched models, in RAYBENCH_CACHE or else ~/.cache/raybench, for the next
 run. RAYBENCH_TRUTH_CACHE=off turns that off.
 Exit codes: 0 success; 1 a broken claim; 2 wrong input; 3 inconclusive; 130 interrupted.)help";

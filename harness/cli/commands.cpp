@@ -17,6 +17,8 @@ I have a structure. Does it lose rays, and how fast is it?
   raybench check-plugin ./MINE.so
   raybench verify MODEL.glb --plugin ./MINE.so --structures MINE
   raybench run MODEL.glb --plugin ./MINE.so --structures MINE,bvh_sah,embree
+I changed something. Is it slower, or are its answers or counters different?
+  raybench check --run "OLD/raybench run MODEL.glb --quick" "raybench run MODEL.glb --quick"
 I have results. How do I look at them, mail them, put figures of them into a paper?
   raybench report DIR
   raybench report DIR --figures

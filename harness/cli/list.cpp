@@ -73,6 +73,7 @@ Json Parameters(std::span<const rb_param> params) {
       for (const char* const* c = p.choices; *c != nullptr; ++c) json["choices"].push_back(*c);
     json["logarithmic"] = (p.flags & RB_PARAM_LOG) != 0;
     json["approximate"] = (p.flags & RB_PARAM_APPROXIMATE) != 0;
+    json["speed_only"] = (p.flags & RB_PARAM_SPEED_ONLY) != 0;
     json["doc"] = p.doc;
   }
   return all;
@@ -100,9 +101,11 @@ void PrintParameters(std::span<const rb_param> params, size_t config_size) {
   if (!params.empty()) fmt::print("\nParameters\n");
   for (const rb_param& p : params) {
     fmt::print("  {}\n", p.name);
-    PrintWrapped(6, fmt::format("{}, default {}{}{}", Range(p), FormatParameter(p, defaults.data()),
-                                (p.flags & RB_PARAM_LOG) != 0 ? ", on a logarithmic scale" : "",
-                                (p.flags & RB_PARAM_APPROXIMATE) != 0 ? ", trades accuracy for speed" : ""));
+    PrintWrapped(
+        6, fmt::format("{}, default {}{}{}{}", Range(p), FormatParameter(p, defaults.data()),
+                       (p.flags & RB_PARAM_LOG) != 0 ? ", on a logarithmic scale" : "",
+                       (p.flags & RB_PARAM_APPROXIMATE) != 0 ? ", trades accuracy for speed" : "",
+                       (p.flags & RB_PARAM_SPEED_ONLY) != 0 ? ", changes neither tree nor answers" : ""));
     PrintWrapped(6, p.doc);
   }
 }

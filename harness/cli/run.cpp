@@ -110,6 +110,15 @@ void AddOptions(CLI::App& command, RunArguments& arguments) {
           "Measure the I-th of N parts (1/4, 2/4, ...) of the structures and scenes, with the anchor beside; "
           "raybench merge puts the folders together")
       ->type_name("I/N");
+  command.add_flag("--keep-rays", run.keep_rays,
+                   "Store the captured ray sets in the result folder, for --again");
+  command
+      .add_option(
+          "--again", run.again,
+          "Measure anew, in this process, what the same program measured in DIR (with --keep-rays). Its "
+          "rays are read from there; its verdicts, counters and figures of trees are taken over "
+          "where the tree and all answers have the same digests, else judged as ever")
+      ->type_name("DIR");
   command.add_flag("--no-report", arguments.no_report, "Make no report.html");
   command.footer(std::string(kGoals) + "\nRay sets, N being the depth:\n" +
                  FormatFamilies(CapturedFamilies()) +

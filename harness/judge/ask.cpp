@@ -2,6 +2,7 @@
 
 #include <cstring>
 
+#include "accel/base/hash.h"
 #include "tracer/tracer.h"
 
 namespace raybench {
@@ -48,6 +49,24 @@ size_t FirstDifference(const Question& question, const Answers& a, const Answers
                                    : SameHit(a.hits[i], b.hits[i], question.has_uv)))
     ++i;
   return i;
+}
+
+std::string DigestOf(const Question& question, const Answers& answers) {
+  Hash64 digest;
+  const size_t n = question.rays.size();
+  if (question.query == RB_ANY) {
+    digest.Add(answers.occluded.data(), n);
+    return digest.Hex();
+  }
+  for (size_t i = 0; i < n; ++i) {
+    const rb_hit& hit = answers.hits[i];
+    digest.AddValue(hit.prim);
+    digest.AddValue(hit.t);
+    if (hit.prim == RAYBENCH_NONE || !question.has_uv) continue;
+    digest.AddValue(hit.u);
+    digest.AddValue(hit.v);
+  }
+  return digest.Hex();
 }
 
 }  // namespace raybench

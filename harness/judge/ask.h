@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "accel/host/registry.h"
@@ -36,5 +37,8 @@ void Ask(const Tree& tree, const Question& question, Answers& answers, uint32_t 
 /// The first ray that two trees, or one asked in two ways, answer differently; as many as there are rays if
 /// all is the same to the bit.
 size_t FirstDifference(const Question& question, const Answers& a, const Answers& b);
+
+/// 16 hex digits over what FirstDifference() compares: answers with the same digest are the same.
+std::string DigestOf(const Question& question, const Answers& answers);
 
 }  // namespace raybench

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "accel/base/hash.h"
 #include "accel/base/parallel.h"
 #include "accel/bvh/bounds/kdop.h"
 #include "accel/contract/structure.h"
@@ -50,6 +51,14 @@ struct OddBounds {
   }
 };
 
+void AddTo(Hash64& digest, const rb_node& node) {
+  const uint32_t whole[] = {node.depth, node.is_leaf,      node.space_partition,
+                            node.shape, node.bounds_count, node.prim_count};
+  digest.Add(whole, sizeof whole);
+  digest.Add(node.bounds, node.bounds_count * sizeof(float));
+  digest.Add(node.prims, node.prim_count * sizeof(uint32_t));
+}
+
 /// Collects the figures, and checks, while the tree is visited.
 class Visitor {
  public:
@@ -57,6 +66,7 @@ class Visitor {
 
   void Node(const rb_node& node) {
     TreeStatistics& s = statistics_;
+    AddTo(digest_, node);
     CheckPlace(node);
     Bounds3 box;
     const bool is_box = node.shape == RB_SHAPE_BOX && node.bounds_count == 6;
@@ -88,6 +98,7 @@ class Visitor {
   }
 
   TreeStatistics Finish() {
+    statistics_.digest = digest_.Hex();
     if (nodes_ == 0) {
       if (!referenced_.empty())
         Flaw(fmt::format("the visit shows no node, but there are {} primitives", referenced_.size()));
@@ -197,6 +208,7 @@ class Visitor {
 
   const rb_geometry& geometry_;
   TreeStatistics statistics_;
+  Hash64 digest_;
   double weighted_area_ = 0, root_area_ = 0, leaf_area_ = 0, leaf_depths_ = 0;
   uint64_t nodes_ = 0;
   uint32_t last_depth_ = 0;
@@ -221,6 +233,19 @@ std::optional<TreeStatistics> ReadTree(const Tree& tree, const rb_geometry& geom
       },
       &visitor);
   return visitor.Finish();
+}
+
+std::string TreeDigest(const Tree& tree) {
+  if (tree.structure().visit == nullptr) return {};
+  Hash64 digest;
+  tree.structure().visit(
+      tree.get(),
+      [](void* context, const rb_node* node) {
+        AddTo(*static_cast<Hash64*>(context), *node);
+        return 0;
+      },
+      &digest);
+  return digest.Hex();
 }
 
 }  // namespace raybench

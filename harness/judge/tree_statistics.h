@@ -22,6 +22,8 @@ struct TreeStatistics {
   /// Depth of the leaves that a random line through the root meets, mean: weighted by their areas. Absent as
   /// sah_cost is.
   std::optional<double> leaf_depth;
+  /// 16 hex digits over all nodes in the order of the visit, with their bounds to the bit.
+  std::string digest;
   /// No boxes, and either of a shape that is not known (spheres and k-DOPs are) or perhaps around a
   /// procedural primitive, of which only the box is known: whether they enclose it is not checked.
   uint64_t unchecked_nodes = 0;
@@ -41,5 +43,8 @@ struct TreeStatistics {
 
 /// Absent when the structure shows no nodes. Keeps the leaves of a space partition in memory while it runs.
 std::optional<TreeStatistics> ReadTree(const Tree& tree, const rb_geometry& geometry);
+
+/// The same digest alone, without any check; empty when the structure shows no nodes.
+std::string TreeDigest(const Tree& tree);
 
 }  // namespace raybench

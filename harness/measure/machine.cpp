@@ -188,6 +188,19 @@ Json LibraryFacts() {
   return facts;
 }
 
+std::string ProgramDigest(const std::vector<std::string>& plugins) {
+  Hash64 digest;
+  const auto add = [&](const std::string& path) {
+    std::ifstream in(path, std::ios::binary);
+    std::vector<char> block(1 << 20);
+    while (in.read(block.data(), std::streamsize(block.size())), in.gcount() > 0)
+      digest.Add(block.data(), size_t(in.gcount()));
+  };
+  add("/proc/self/exe");
+  for (const std::string& plugin : plugins) add(plugin);
+  return digest.Hex();
+}
+
 bool HasCgalOracle() { return RAYBENCH_HAS_CGAL != 0; }
 
 std::string SoftwareName() { return fmt::format("raybench {}", kVersion); }

@@ -40,7 +40,9 @@ struct RunOptions {
   std::vector<std::string> plugins;     ///< already loaded; recorded
   std::vector<uint32_t> threads;        ///< ascending; empty: queries 1, builds 1 and all
   bool resume = false, report = true, shuffled = false, drop_bad = false;
-  std::string out;  ///< empty: results/<UTC time>
+  std::string out;         ///< empty: results/<UTC time>
+  bool keep_rays = false;  ///< store captured sets in out/rays, for `again`
+  std::string again;       ///< folder of a run with `keep_rays` whose rays and verdicts are used; empty: none
   /// `rays` 0 with `ray_files`: whole files.
   uint64_t rays = 0, verify_rays = 0, memory_limit = 0, seed = 1;
   uint32_t repetitions = 0, depth = 2;

@@ -31,6 +31,7 @@ void Entrant::SetTreeValues(const TreeStatistics& s, std::optional<double> overl
     values[column::empty_leaf_nodes] = s.empty_leaf_nodes;
     values[column::references] = s.references;
     values[column::depth] = s.depth;
+    values[column::tree_digest] = s.digest;
     values[column::sah_cost] = s.sah_cost;
     values[column::epo] = overlap;
     values[column::leaf_depth] = s.leaf_depth;

@@ -18,6 +18,7 @@ std::string CheckAnswers(const Tree& tree, const Oracle& oracle, const Scene& sc
   for (size_t i = 0; i < question.rays.size(); ++i)
     hits += question.query == RB_ANY ? answers.occluded[i] != 0 : answers.hits[i].prim != RAYBENCH_NONE;
   values[column::hits] = hits;
+  values[column::hits_digest] = DigestOf(question, answers);
   const std::string broken =
       BrokenClaim(tree.Claims(), verdicts.counts, verdicts.breaking, scene.scale_exponent);
   return !broken.empty() ? broken : CountAnswers(tree, question, answers, counted, 0, values);

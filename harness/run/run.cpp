@@ -18,6 +18,7 @@
 #include "datasets/scene/needs.h"
 #include "harness/judge/ask.h"
 #include "harness/measure/machine.h"
+#include "harness/measure/machine_state.h"
 #include "harness/measure/measure.h"
 #include "harness/plan/build_options.h"
 #include "harness/rays/ray_sets.h"
@@ -25,6 +26,7 @@
 #include "harness/results/results.h"
 #include "harness/results/run_facts.h"
 #include "harness/results/table.h"
+#include "harness/results/without_effect.h"
 #include "harness/run/scene_run.h"
 #include "harness/run/schedule.h"
 #include "harness/terminal/interrupt.h"
@@ -77,6 +79,7 @@ class Run {
       CheckFamilyNames("--sets", options_.sets, CapturedFamilies());
       ray_files_ = RayFiles(options_.ray_files);
       for (const std::string& file : ray_files_) ReadRayFileHeader(file);  // before scenes that take long
+      if (!options_.again.empty()) earlier_.emplace(options_.again, options_.plugins);
       LoadScenes();
       ReadRayFiles();
       const std::string out =
@@ -94,12 +97,13 @@ class Run {
                                   .schedule = schedule_,
                                   .replays = !ray_files_.empty(),
                                   .process = process_,
-                                  .scenes = scene_count_});
+                                  .scenes = scene_count_,
+                                  .earlier = earlier_ ? &*earlier_ : nullptr});
       const std::vector<FinishedCase> there = results_->Cases();
       for (SceneRecord& record : scenes_) Recollect(record, there);
       for (size_t i = 0; i < scenes_.size(); ++i) {
         if (!scenes_[i].finished.is_null()) continue;
-        if (options_.RaysPerSet() > kProbedFrom) Probe(i);
+        if (options_.RaysPerSet() > kProbedFrom && !earlier_) Probe(i);
         Expect(i);
       }
       if (options_.report) schedule_.PlanAtEnd(Work::kReport, kReportGuess);
@@ -372,8 +376,11 @@ class Run {
     const double sets = UsualSets(scenes_[index]), rays = double(options_.RaysPerSet());
     const double primitives = double(scenes_[index].scene.primitive_count()), threads = AllThreads();
     const double pixels = double(context_->HeatSide()) * context_->HeatSide();
-    if (!context_->replays) plan(Work::kCapture, "", 2e-6 * primitives + 6e-6 * rays * options_.depth);
-    plan(Work::kTruth, "", 5e-6 * primitives + 30e-6 * double(options_.RaysVerified()) * sets / threads);
+    const bool judges = !earlier_;
+    if (judges && !context_->replays)
+      plan(Work::kCapture, "", 2e-6 * primitives + 6e-6 * rays * options_.depth);
+    if (judges)
+      plan(Work::kTruth, "", 5e-6 * primitives + 30e-6 * double(options_.RaysVerified()) * sets / threads);
     for (const Contestant& contestant : contestants_) {
       const std::string spec = contestant.Spec();
       if (!context_->Owns(scenes_[index].index, contestant)) continue;
@@ -386,9 +393,9 @@ class Run {
         plan(Work::kBuild, spec, each);
         builds += each * budget_.Samples(each);
       }
-      plan(Work::kTree, spec, 3e-6 * primitives);
+      if (judges) plan(Work::kTree, spec, 3e-6 * primitives);
       plan(Work::kCheck, spec, (2 * price.ray / threads + 0.3e-6) * rays * sets);
-      if (!context_->replays) plan(Work::kHeat, spec, (price.ray / threads + 1e-6) * pixels);
+      if (judges && !context_->replays) plan(Work::kHeat, spec, (price.ray / threads + 1e-6) * pixels);
       const double least = price.ray * std::min(rays, double(2 * kLeastRays));
       plan(Work::kFirstPasses, spec, cases * (0.1 * budget_.seconds + 2 * least));
       plan(Work::kTiming, spec, cases * std::max(budget_.seconds, 2 * least * budget_.fewest) + builds);
@@ -441,9 +448,13 @@ class Run {
     run["build_threads"] = context_->BuildThreads();
     run["query_threads"] = context_->QueryThreads();
     run["memory_for_trees"] = memory_;
+    run["judged_in"] = options_.again.empty() ? Json() : Json(options_.again);
+    run["program"] = program_;
     run["timing"] = TimingFacts(options_);
     run["build"] = BuildFacts();
     run["machine"] = machine_;
+    run["machine_state"] = FactsOf(state_);
+    run["without_effect"] = without_effect_;
     run["libraries"] = libraries_;
     run["structures"] = structures;
     run["scenes"] = scenes;
@@ -467,6 +478,10 @@ class Run {
       for (SceneRecord& record : scenes_)
         if (record.name == finished.row.Get(column::scene)) record.anchor = finished.row.Get(column::anchor);
     }
+    const std::vector<Twins> twins = FindTwins(cases, contestants_);
+    without_effect_ = Json::array();
+    for (const Twins& t : twins)
+      without_effect_.push_back({{"scene", t.scene}, {"a", t.a}, {"b", t.b}, {"parameters", t.parameters}});
     WriteRunJson(true, interrupted, cases.size());
     const std::string table = FormatTable(cases);
     fmt::print("{}", table);
@@ -497,6 +512,9 @@ class Run {
     fmt::print("took    {}\n", FormatDuration(progress_.Elapsed()));
     std::fflush(stdout);
     for (const std::string& warning : warnings_) progress_.Say("WARNING: " + warning);
+    for (const Twins& t : twins) progress_.Say("NOTE: " + Say(t));
+    if (const MachineFinding worst = WorstOf(state_); worst.severity == MachineFinding::kWarning)
+      progress_.Say(fmt::format("NOTE: {}: {} (raybench doctor says what to do)", worst.subject, worst.says));
     if (refused) {
       progress_.Say("a structure broke its claim: it got no time (REFUSED above)");
       return 1;
@@ -524,6 +542,7 @@ class Run {
   std::vector<std::string> ray_files_;
   std::optional<ResultFolder> results_;
   std::optional<RunContext> context_;  ///< since there are results
+  std::optional<EarlierRun> earlier_;
   std::vector<std::string> warnings_;
   std::string session_started_;
   Json before_;             ///< run.json of the session before; null: this is the first
@@ -531,8 +550,11 @@ class Run {
   uint64_t session_ = 0;
   uint32_t process_ = 0;  ///< of --processes
   bool inconclusive_ = false;
+  Json without_effect_;  ///< null until all is measured
+  const std::vector<MachineFinding> state_ = ExamineMachine();
   Json machine_ = MachineFacts();
   const Json libraries_ = LibraryFacts();
+  const std::string program_ = ProgramDigest(options_.plugins);
 };
 
 }  // namespace

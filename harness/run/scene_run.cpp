@@ -4,9 +4,11 @@
 #include <malloc.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <new>
 
 #include "datasets/scene/needs.h"
+#include "harness/judge/ask.h"
 #include "harness/judge/bound_tightness.h"
 #include "harness/judge/claim.h"
 #include "harness/judge/end_point_overlap.h"
@@ -87,7 +89,7 @@ void SceneRun::Prepare() {
     entrants_.clear();
   } else {
     ReckonWithKnown();
-    AskForTruth();
+    if (context_.earlier == nullptr) AskForTruth();
   }
   for (const PreparedSet& s : sets_) {
     Json facts = FactsOf(s);
@@ -144,6 +146,7 @@ void SceneRun::Measure() {
 // ---- rays, plan, truth ----
 
 std::vector<SourcedSet> SceneRun::CaptureSets() {
+  if (context_.earlier != nullptr) return context_.earlier->Rays(record_.stem, scene());
   CaptureOptions options;
   options.rays = options_.RaysPerSet();
   options.seed = options_.seed;
@@ -156,6 +159,12 @@ std::vector<SourcedSet> SceneRun::CaptureSets() {
   Capture capture = CaptureRaySets(context_.registry, scene(), options);
   const std::string image = (context_.results.path() / "images" / record_.stem).string();
   for (const char* extension : {".png", ".exr"}) WriteImage(capture.image, image + extension, SoftwareName());
+  if (options_.keep_rays) {
+    const std::filesystem::path& folder = context_.results.path();
+    std::filesystem::create_directories(KeptRays(folder, record_.stem, 0).parent_path());
+    for (size_t i = 0; i < capture.sets.size(); ++i)
+      WriteRayFile(KeptRays(folder, record_.stem, i), capture.sets[i].set, scene(), SoftwareName());
+  }
   return std::move(capture.sets);
 }
 
@@ -413,6 +422,8 @@ Tree SceneRun::TimedBuild(const Entrant& entrant, uint32_t threads, Seconds& sec
 /// which is what false says, all cases are closed.
 bool SceneRun::Judge(Entrant& entrant) {
   const std::string spec = entrant.Spec();
+  if (context_.earlier != nullptr && IsAsBefore(entrant)) return true;
+  if (oracle_ == nullptr) AskForTruth();
   schedule_.Begin(Work::kTree, spec, "reading " + spec);
   std::optional<std::string> known;
   if (entrant.recalled) known = recall_.Tree(entrant);
@@ -451,6 +462,38 @@ bool SceneRun::Judge(Entrant& entrant) {
     CountPixels(entrant);
     AddBoxes(context_.results.path() / "boxes" / (record_.stem + ".json"), spec, entrant.tree);
   }
+  return true;
+}
+
+/// Whether the earlier run judged this very tree: all nodes and all answers have the digests they had. Its
+/// verdicts, which follow from these, and its counters are the entrant's then.
+bool SceneRun::IsAsBefore(Entrant& entrant) {
+  schedule_.Begin(Work::kCheck, entrant.Spec(), "checking " + entrant.Spec());
+  const std::string digest = TreeDigest(entrant.tree);
+  std::vector<Row> sets(sets_.size());
+  std::map<uint32_t, Row> builds;
+  for (const PlannedCase& c : entrant.cases) {
+    if (!c.skip.empty()) continue;
+    const Row* before = context_.earlier->Find(c.key.Id());
+    if (before == nullptr) return false;
+    if (c.key.IsBuild()) {
+      builds[c.key.threads] = *before;
+      continue;
+    }
+    if (before->Get(column::tree_digest) != digest) return false;
+    if (sets[c.set].Has(column::hits_digest)) continue;  // at another number of threads
+    const Question question = sets_[c.set].Asked();
+    Ask(entrant.tree, question, *answers_, 0);
+    if (before->Get(column::hits_digest) != DigestOf(question, *answers_)) return false;
+    sets[c.set] = *before;
+    ThrowIfInterrupted();
+  }
+  for (auto& [threads, values] : entrant.build_values) {
+    Row all = builds[threads];
+    all.Take(values);  // what was measured anew
+    values = all;
+  }
+  entrant.set_values = std::move(sets);
   return true;
 }
 

@@ -14,6 +14,7 @@
 #include "harness/plan/time_budget.h"
 #include "harness/rays/ray_sets.h"
 #include "harness/results/results.h"
+#include "harness/run/earlier_run.h"
 #include "harness/run/entrant.h"
 #include "harness/run/ladder.h"
 #include "harness/run/prepared_set.h"
@@ -49,9 +50,10 @@ struct RunContext {
   const ResultFolder& results;
   Progress& progress;
   Schedule& schedule;
-  const bool replays;      ///< ray files instead of captured sets
-  const uint32_t process;  ///< of --processes, from 0
-  const size_t scenes;     ///< of all shards
+  const bool replays;                   ///< ray files instead of captured sets
+  const uint32_t process;               ///< of --processes, from 0
+  const size_t scenes;                  ///< of all shards
+  const EarlierRun* earlier = nullptr;  ///< whose rays and verdicts are used; null: none
 
   uint64_t seen = 0, taken = 0;  ///< cases ready to be timed, and those that the filter let through
   std::string last_name = {};    ///< of such a case
@@ -96,6 +98,7 @@ class SceneRun {
   void BuildAll(Entrant& entrant);
   Tree TimedBuild(const Entrant& entrant, uint32_t threads, Seconds& seconds) const;
   bool Judge(Entrant& entrant);
+  bool IsAsBefore(Entrant& entrant);
   void CountPixels(const Entrant& entrant) const;
 
   struct Open;

@@ -1,4 +1,4 @@
-"""Command line: python -m raybench_report DIR..., explain A B DIR, or heat FOLDER --out FILE.png."""
+"""Command line: python -m raybench_report DIR..., explain A B DIR, heat FOLDER --out FILE.png, check ..., history ..."""
 
 import argparse
 import json
@@ -16,6 +16,8 @@ def main(argv=None):
     commands = {"heat": _heat, "explain": _explain}
     draw = commands.get(argv[0], _report) if len(argv) > 1 else _report
     try:
+        if argv[:1] in (["check"], ["history"]):
+            return _decide(argv)
         print(draw(argv), end="")
     except SystemExit as error:  # by argparse
         return error.code
@@ -23,6 +25,13 @@ def main(argv=None):
         print(f"raybench_report: {error}", file=sys.stderr)
         return 2
     return 0
+
+
+def _decide(argv):
+    """`raybench check` and `raybench history`; their exit codes."""
+    from .decide import command, history  # scipy takes a while
+
+    return (command.main if argv[0] == "check" else history.main)(argv[1:])
 
 
 def _report(argv):

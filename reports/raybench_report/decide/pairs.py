@@ -1,0 +1,208 @@
+"""Runs two programs by turns, pair by pair, until all is decided."""
+
+import csv
+import random
+import shlex
+import shutil
+import subprocess
+import sys
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from .. import results
+from . import decision, samples, statistics
+
+SIDES = ("A", "B")
+
+
+@dataclass
+class Stream:
+    """Pairs as they come: times of both sides, and whether A ran first."""
+
+    times: list = field(default_factory=list)
+    a_first: list = field(default_factory=list)
+
+    def add(self, a, b, a_first):
+        self.times.append((a, b))
+        self.a_first.append(bool(a_first))
+
+    def ratios(self, anchor=None):
+        pairs = self.times
+        if anchor:
+            pairs = [(a.relative_to(anchor), b.relative_to(anchor)) for a, b in pairs]
+            if not pairs[0][0].ns:
+                raise results.RunError(f"--anchor {anchor}: no case has a time of it beside the others")
+        return samples.ratios_of(pairs)
+
+    def write(self, path):
+        """pairs.csv: one row a pair, side and comparison."""
+        fields = ["pair", "side", "ran_first", *samples.KEY, "ns", "rays"]
+
+        def write(temporary):
+            with open(temporary, "w", newline="", encoding="utf-8") as file:
+                writer = csv.writer(file)
+                writer.writerow(fields)
+                for number, (pair, a_first) in enumerate(zip(self.times, self.a_first)):
+                    for side, of_side in zip(SIDES, pair):
+                        for c, ns in of_side.ns.items():
+                            key = [c.scene, c.spec, c.ray_set, c.order, c.query, c.threads]
+                            rays = of_side.rays[c]
+                            writer.writerow(
+                                [number, side, int((side == "A") == a_first), *key, repr(ns), "" if rays is None else rays]
+                            )
+
+        results.write_atomically(path, write)
+
+
+def read_stream(path):
+    """A pairs.csv again. Throws RunError."""
+    stream, pairs = Stream(), {}
+    try:
+        with open(path, newline="", encoding="utf-8") as file:
+            for row in csv.DictReader(file):
+                sides, first = pairs.setdefault(int(row["pair"]), ({}, {}))
+                c = samples.Comparison(*(row[name] for name in samples.KEY[:-1]), int(row["threads"]))
+                ns, rays = sides.setdefault(row["side"], ({}, {}))
+                ns[c], rays[c] = float(row["ns"]), int(row["rays"]) if row["rays"] else None
+                first[row["side"]] = row["ran_first"] == "1"
+        for number in sorted(pairs):
+            sides, first = pairs[number]
+            stream.add(samples.Times(*sides["A"]), samples.Times(*sides["B"]), first["A"])
+    except (OSError, KeyError, ValueError) as error:
+        raise results.RunError(f"{path}: not a file of pairs: {error}") from None
+    return stream
+
+
+@dataclass
+class Program:
+    """One side: a command line of `raybench run` or of what takes the same arguments."""
+
+    command: str
+    folder: Path  # of its judged run
+    again: bool = False  # knows --again
+
+    def words(self, *more):
+        return [*shlex.split(self.command), *more]
+
+    def judge(self):
+        """The first run, with verdicts and counters."""
+        self.again = "--again" in _output(self.words("--help"))
+        more = ["--keep-rays"] if self.again else []
+        _run(self.words("--no-report", "--out", str(self.folder), *more))
+
+    def measure(self, folder):
+        """One more process. Its Times."""
+        more = ["--again", str(self.folder)] if self.again else []
+        try:
+            _run(self.words("--no-report", "--out", str(folder), *more))
+            return samples.times_of(folder)[0]
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def _output(words):
+    try:
+        return subprocess.run(words, capture_output=True, text=True, check=False).stdout
+    except OSError as error:
+        raise results.RunError(f"{words[0]}: {error.strerror}") from None
+
+
+def _run(words):
+    """1, a broken claim, and 3, no time, are for the decision to see; anything else but 0 ends it."""
+    try:
+        done = subprocess.run(words, capture_output=True, text=True, check=False)
+    except OSError as error:
+        raise results.RunError(f"{words[0]}: {error.strerror}") from None
+    if done.returncode not in (0, 1, 3):
+        said = done.stderr.strip().splitlines() or ["it said nothing"]
+        raise results.RunError(f"exit code {done.returncode} of `{shlex.join(words)}`: {said[-1]}")
+
+
+@dataclass
+class Budget:
+    seconds: float = 300
+    pairs: int = 100000
+
+
+def run(programs, folder, tolerance_of, budget, seed, anchor=None, until_all=False, say=None):
+    """Judges both programs, then runs them by turns. Returns (Stream, Ratios, Look or None).
+
+    Which one goes first is drawn for each pair. Looks are after 20, 30, 45, ... pairs, and once more when the budget
+    ends between two of them; a pair is begun only if one as long as those before fits into the budget.
+    """
+    say = say or Progress()
+    begin = time.monotonic()
+    for side, program in zip(SIDES, programs):
+        say(f"{side}: judging and counting, once")
+        program.judge()
+    stream, coin = Stream(), random.Random(seed)
+    look, number, sizes = None, 0, statistics.look_sizes(decision.FEWEST_PAIRS)
+    due, measuring = next(sizes), time.monotonic()
+
+    def take_look():
+        ratios = stream.ratios(anchor)
+        tolerances = np.log1p([tolerance_of(c) for c in ratios.comparisons])
+        return decision.look_at(ratios.log_ratios, tolerances, number) if ratios.comparisons else None
+
+    while len(stream.times) < budget.pairs:
+        done = len(stream.times)
+        now = time.monotonic()
+        each = (now - measuring) / done if done else 0
+        left = budget.seconds - (now - begin)
+        if done and each > left or left <= 0:
+            break
+        say(_status(stream, look, due, each, left))
+        a_first = coin.random() < 0.5
+        order = SIDES if a_first else SIDES[::-1]
+        times = {side: programs[SIDES.index(side)].measure(folder / f"pair-{side}") for side in order}
+        stream.add(times["A"], times["B"], a_first)
+        if len(stream.times) < due:
+            continue
+        number, due = number + 1, next(sizes)
+        look = take_look()
+        if look is None or decision.is_over(look, until_all):
+            break
+    if (look is None or look.pairs < len(stream.times)) and len(stream.times) >= decision.FEWEST_PAIRS:
+        number += 1
+        look = take_look()
+    say(None)
+    return stream, stream.ratios(anchor) if stream.times else samples.Ratios([], np.empty((0, 0)), {}), look
+
+
+def _status(stream, look, due, each, left):
+    done = len(stream.times)
+    text = f"{done} pairs"
+    if look is not None:
+        decided = int((look.verdicts != decision.INCONCLUSIVE).sum())
+        text += f", {decided} of {look.verdicts.size} comparisons decided"
+    if each > 0:
+        to_look = (due - done) * each
+        when = f"next look in {to_look:.0f} s" if to_look <= left else "no look before the end"
+        text += f"; {when}, at most {left:.0f} s left"
+    return text
+
+
+class Progress:
+    """On a terminal one line is redrawn; elsewhere a line is printed every 15 seconds at most."""
+
+    def __init__(self, out=None):
+        self._out = out or sys.stderr
+        self._terminal = self._out.isatty()
+        self._last = 0.0
+
+    def __call__(self, text):
+        if self._terminal:
+            self._out.write("\r\033[K" + (text or ""))
+        elif text and time.monotonic() - self._last >= 15:
+            self._last = time.monotonic()
+            self._out.write(text + "\n")
+        self._out.flush()
+
+
+def facts_of(folder):
+    """What the decision takes of run.json."""
+    info = results.read_info(folder / "run.json")
+    return {name: info.get(name) for name in ("build", "machine", "machine_state", "libraries", "without_effect")}
