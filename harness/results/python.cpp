@@ -84,7 +84,8 @@ std::string MissingPython(const std::string& python) {
 }
 
 bool PythonWorks(const std::string& python, const fs::path& reports) {
-  return RunProgram({python, "-c", "import jinja2, pandas, vl_convert, raybench_report"}, PythonPath(reports), true) == 0;
+  return RunProgram({python, "-c", "import jinja2, pandas, vl_convert, raybench_report"}, PythonPath(reports),
+                    true) == 0;
 }
 
 }  // namespace

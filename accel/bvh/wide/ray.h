@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "accel/bvh/wide/lanes.h"
+#include "accel/ray/bounds.h"
 #include "accel/ray/triangle.h"
 
 namespace raybench {
@@ -17,7 +18,7 @@ struct SlabRay4 {
 
   [[gnu::always_inline]] SlabRay4(const rb_ray& ray, Slack slack) {
     constexpr float kMax = std::numeric_limits<float>::max();
-    const float near_scale = slack == Slack::kBothEnds ? 1 - 0x1p-19f : 1;
+    const float near_scale = slack == Slack::kBothEnds ? SlabRay::kNearScale : 1;
     const float far_scale = slack == Slack::kNone ? 1 : 1 + 0x1p-19f;
     org = Load<Float4>(ray.org);
     const Float4 dir = Load<Float4>(ray.dir), inv = 1 / dir;
@@ -25,6 +26,13 @@ struct SlabRay4 {
     const Int4 sign = Int4(inv) & int32_t(0x80000000);
     inv_near = Float4(Int4(Smaller<4>(Abs(inv), Splat<Float4>(kMax))) | sign) * near_scale;
     inv_far = inv * far_scale;
+  }
+
+  /// As SlabRay::Widened.
+  SlabRay4 Widened(Slack slack) const {
+    SlabRay4 wide = *this;
+    if (slack == Slack::kFarEnd) wide.inv_near = inv_near * SlabRay::kNearScale;
+    return wide;
   }
 };
 

@@ -148,14 +148,15 @@ class WideBvhOf final : public WideBvh {
     const bool in_lanes = kInline && geometry_.procedural_count == 0;
     ForEachRay<Counter>(query, [&](auto any, const RayQuery& q, rb_hit& best, Counter& counter) {
       const SlabRay4 slab(q.ray, Test::kSlack);
+      const SlabRay4 boxes = clipped_ ? slab.Widened(Test::kSlack) : slab;
       const auto trace = [&](const auto& leaf) {
         if constexpr (kMayMove) {
-          if (WideRay<kWidth, true>::Fits(slab)) [[likely]] {
-            Trace<any.value>(WideRay<kWidth, true>(slab), leaf, q, best, counter);
+          if (WideRay<kWidth, true>::Fits(boxes)) [[likely]] {
+            Trace<any.value>(WideRay<kWidth, true>(boxes), leaf, q, best, counter);
             return;
           }
         }
-        Trace<any.value>(WideRay<kWidth, false>(slab), leaf, q, best, counter);
+        Trace<any.value>(WideRay<kWidth, false>(boxes), leaf, q, best, counter);
       };
       if constexpr (kInline) {
         if (in_lanes) {
