@@ -31,25 +31,40 @@ struct Binning {
 };
 
 struct Bins {
-  Box4 box[3][kMaxBins];
+  /// A box as lo and -hi: one minimum extends it. Aligned as tasks are.
+  using Corners = FloatN<8>;
+  using StoredCorners __attribute__((aligned(16))) = Corners;
+  StoredCorners box[3][kMaxBins];
   uint32_t count[3][kMaxBins];
 
   explicit Bins(uint32_t bins) {
     for (int a = 0; a < 3; ++a) {
-      for (uint32_t b = 0; b < bins; ++b) box[a][b] = Box4::Empty(), count[a][b] = 0;
+      for (uint32_t b = 0; b < bins; ++b)
+        box[a][b] = Splat<Corners>(std::numeric_limits<float>::infinity()), count[a][b] = 0;
     }
   }
   void Add(const Record* r, size_t n, const Binning& binning) {
+    constexpr int32_t kSign = int32_t(0x80000000u);
     for (size_t i = 0; i < n; ++i) {
       const Int4 bin = binning.Of(r[i]);
-      const Box4 b{r[i].lo, r[i].hi};
-      for (int a = 0; a < 3; ++a) box[a][bin[a]].Extend(b), ++count[a][bin[a]];
+      const Corners corners = Corners(Load<IntN<8>>(reinterpret_cast<const int32_t*>(&r[i])) ^
+                                      IntN<8>{0, 0, 0, 0, kSign, kSign, kSign, kSign});
+      for (int a = 0; a < 3; ++a) {
+        StoredCorners& sum = box[a][bin[a]];
+        sum = MinOrSecond<Corners>(corners, sum);
+        ++count[a][bin[a]];
+      }
     }
   }
   void Merge(const Bins& o, uint32_t bins) {
     for (int a = 0; a < 3; ++a) {
-      for (uint32_t b = 0; b < bins; ++b) box[a][b].Extend(o.box[a][b]), count[a][b] += o.count[a][b];
+      for (uint32_t b = 0; b < bins; ++b)
+        box[a][b] = MinOrSecond<Corners>(o.box[a][b], box[a][b]), count[a][b] += o.count[a][b];
     }
+  }
+  Box4 Box(int axis, uint32_t bin) const {
+    const Corners c = box[axis][bin];
+    return {__builtin_shufflevector(c, c, 0, 1, 2, 3), -__builtin_shufflevector(c, c, 4, 5, 6, 7)};
   }
 };
 
@@ -69,19 +84,19 @@ inline Split BestSplit(const Bins& bins, const Binning& binning, const SahCosts&
     Box4 box = Box4::Empty();
     uint32_t count = 0;
     for (uint32_t b = binning.bins - 1; b > 0; --b) {
-      box.Extend(bins.box[axis][b]), count += bins.count[axis][b];
+      box.Extend(bins.Box(axis, b)), count += bins.count[axis][b];
       right_cost[b] = count == 0 ? -1 : box.HalfArea() * costs.Blocks(count);
     }
     box = Box4::Empty(), count = 0;
     for (uint32_t b = 1; b < binning.bins; ++b) {
-      box.Extend(bins.box[axis][b - 1]), count += bins.count[axis][b - 1];
+      box.Extend(bins.Box(axis, b - 1)), count += bins.count[axis][b - 1];
       if (count == 0 || right_cost[b] < 0) continue;
       const float cost = box.HalfArea() * costs.Blocks(count) + right_cost[b];
       if (cost < best.cost) best.cost = cost, best.axis = axis, best.bin = int32_t(b), best.left = box;
     }
   }
   if (best.axis >= 0) {
-    for (uint32_t b = uint32_t(best.bin); b < binning.bins; ++b) best.right.Extend(bins.box[best.axis][b]);
+    for (uint32_t b = uint32_t(best.bin); b < binning.bins; ++b) best.right.Extend(bins.Box(best.axis, b));
   }
   return best;
 }

@@ -26,8 +26,8 @@ std::string Case::Id() const {
 namespace {
 
 /// One structure of each family; the rest is asked for by name.
-constexpr std::string_view kFamilies[] = {"brute", "bvh_sah",    "embree", "grid",
-                                          "kdop",  "kdtree_sah", "null",   "octree"};
+constexpr std::string_view kFamilies[] = {"brute", "bvh_sah",    "bvh_wide", "embree", "grid",
+                                          "kdop",  "kdtree_sah", "null",     "octree"};
 
 bool IsFamilies(const std::vector<std::string>& specs) {
   return specs.empty() || (specs.size() == 1 && specs[0] == "families");

@@ -81,6 +81,40 @@ template <int kWidth>
   return Mask(a < b);
 }
 
+/// Small integers as floats.
+template <int kWidth, class Grid>
+[[gnu::always_inline]] inline FloatN<kWidth> FloatsOf(const Grid* p) {
+  static_assert(sizeof(Grid) <= 2);
+  [[maybe_unused]] constexpr bool kBytes = sizeof(Grid) == 1;
+#if defined(__SSE4_1__)
+  if constexpr (kWidth == 4) {
+    int64_t bits = 0;
+    std::memcpy(&bits, p, kWidth * sizeof(Grid));
+    const __m128i v = _mm_cvtsi64_si128(bits);
+    return _mm_cvtepi32_ps(kBytes ? _mm_cvtepu8_epi32(v) : _mm_cvtepu16_epi32(v));
+  }
+#endif
+#if defined(__AVX2__)
+  if constexpr (kWidth == 8) {
+    __m128i v{};
+    std::memcpy(&v, p, kWidth * sizeof(Grid));
+    return _mm256_cvtepi32_ps(kBytes ? _mm256_cvtepu8_epi32(v) : _mm256_cvtepu16_epi32(v));
+  }
+#endif
+#if defined(__AVX512F__)
+  if constexpr (kWidth == 16) {
+    __m256i v{};
+    std::memcpy(&v, p, kWidth * sizeof(Grid));
+    constexpr __mmask16 kAll(-1);
+    return _mm512_maskz_cvtepi32_ps(kAll, kBytes ? _mm512_maskz_cvtepu8_epi32(kAll, _mm256_castsi256_si128(v))
+                                                 : _mm512_maskz_cvtepu16_epi32(kAll, v));
+  }
+#endif
+  FloatN<kWidth> v;
+  for (int i = 0; i < kWidth; ++i) v[i] = float(p[i]);
+  return v;
+}
+
 /// The least lane.
 template <int kWidth>
 [[gnu::always_inline]] inline int32_t Least(IntN<kWidth> v) {

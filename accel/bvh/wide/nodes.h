@@ -64,7 +64,7 @@ struct QuantizedNode {
   }
   [[gnu::always_inline]] F Row(unsigned row) const {
     const unsigned a = row < 3 ? row : row - 3;
-    return Plane(a, Load<Vec<Grid, kWidth>>(q[row]));
+    return MultiplyAdd<kWidth>(FloatsOf<kWidth>(q[row]), Splat<F>(Scale(a)), Splat<F>(origin[a]));
   }
 
  private:
@@ -73,10 +73,6 @@ struct QuantizedNode {
     float scale;
     std::memcpy(&scale, &bits, sizeof scale);
     return scale;
-  }
-  [[gnu::always_inline]] F Plane(unsigned axis, Vec<Grid, kWidth> grid) const {
-    const F steps = __builtin_convertvector(__builtin_convertvector(grid, IntN<kWidth>), F);
-    return MultiplyAdd<kWidth>(steps, Splat<F>(Scale(axis)), Splat<F>(origin[axis]));
   }
   float At(unsigned axis, int step) const { return origin[axis] + float(step) * Scale(axis); }
 
