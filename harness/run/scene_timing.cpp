@@ -203,8 +203,11 @@ void SceneRun::TimeGroup() {
     schedule_.Update(double(tasks.size()) / double(open.size()));
   }
   for (const Open& o : open)
-    if (o.entrant == anchor_ && beside.contains(o.part))
-      beside[o.part] -= std::min(beside[o.part], o.missing);
+    if (o.entrant == anchor_ && beside.contains(o.part)) {
+      uint32_t& samples = beside.at(o.part);
+      samples = std::min(samples, o.plan->samples.samples);  // as many as its own case has are enough
+      samples -= std::min(samples, o.missing);
+    }
   for (const auto& [entrant, c] : sampled_) {
     if (entrant == anchor_ || !LacksAnchor(*c)) continue;
     const KeptPlan plan = recall_.Plan(c->key.Id()).value();

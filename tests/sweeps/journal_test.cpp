@@ -81,11 +81,7 @@ TEST_F(SweepsJournal, DropsWhatDependedOnSomethingElse) {
 TEST_F(SweepsJournal, CountsSessionsThatGotNowhere) {
   Journal(file_, same_, 0).AddSample("a", ASample(0.25));
   EXPECT_EQ(Journal(file_, same_, 1).FruitlessSessions(), 0u);
-  // Sessions that begin and leave nothing: only their own line.
-  std::ofstream(file_, std::ios::app) << R"({"kind":"session","of":"","session":1})"
-                                      << "\n"
-                                      << R"({"kind":"session","of":"","session":2})"
-                                      << "\n";
+  for (uint64_t session : {1, 2}) Journal(file_, same_, session).Begin();
   EXPECT_EQ(Journal(file_, same_, 3).FruitlessSessions(), 2u);
   Journal(file_, same_, 3).AddSample("a", ASample(0.25));
   EXPECT_EQ(Journal(file_, same_, 4).FruitlessSessions(), 0u);
