@@ -84,7 +84,10 @@ std::string MissingPython(const std::string& python) {
 }
 
 bool PythonWorks(const std::string& python, const fs::path& reports) {
-  return RunProgram({python, "-c", "import matplotlib, raybench_report"}, PythonPath(reports), true) == 0;
+  return RunProgram({python, "-c",
+                     "import raybench_report, sys; from importlib.util import find_spec\n"
+                     "sys.exit(not all(map(find_spec, ['matplotlib', 'pandas', 'ruptures', 'scipy'])))"},
+                    PythonPath(reports), true) == 0;
 }
 
 }  // namespace

@@ -29,7 +29,8 @@ class Mine {
   Mine(const rb_geometry& geometry, const rb_build_options& options, const Config& config)
       : geometry_(geometry), config_(config), boxes_((PrimCount(geometry) + config.size - 1) / config.size) {
     RequireWithinLimit(boxes_.size() * sizeof(Bounds3), options);
-    for (uint64_t i = 0; i < PrimCount(geometry); ++i) boxes_[i / config.size].Extend(PaddedPrimBounds(geometry, uint32_t(i)));
+    for (uint64_t i = 0; i < PrimCount(geometry); ++i)
+      boxes_[i / config.size].Extend(PaddedPrimBounds(geometry, uint32_t(i)));
   }
 
   template <class Counter>
