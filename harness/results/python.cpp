@@ -84,8 +84,10 @@ std::string MissingPython(const std::string& python) {
 }
 
 bool PythonWorks(const std::string& python, const fs::path& reports) {
-  return RunProgram({python, "-c", "import jinja2, pandas, vl_convert, raybench_report"}, PythonPath(reports),
-                    true) == 0;
+  return RunProgram({python, "-c",
+                     "import raybench_report, sys; from importlib.util import find_spec\n"
+                     "sys.exit(not all(map(find_spec, ['jinja2', 'pandas', 'ruptures', 'scipy', 'vl_convert'])))"},
+                    PythonPath(reports), true) == 0;
 }
 
 }  // namespace

@@ -21,6 +21,9 @@ def main(argv=None):
         print(draw(argv), end="")
     except SystemExit as error:  # by argparse
         return error.code
+    except KeyboardInterrupt:
+        print("raybench_report: interrupted", file=sys.stderr)
+        return 130
     except (RunError, OSError) as error:
         print(f"raybench_report: {error}", file=sys.stderr)
         return 2

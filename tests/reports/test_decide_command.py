@@ -30,7 +30,9 @@ def plugin(tmp_path_factory):
     if shutil.which("c++") is None:
         pytest.skip("no C++ compiler here")
     library = tmp_path_factory.mktemp("plugin") / "delayed.so"
-    command = "c++ -std=c++20 -O3 -march=native -ffp-contract=off -fno-tree-slp-vectorize -Wall -Wextra -Werror -shared -fPIC"
+    command = (
+        "c++ -std=c++20 -O3 -march=native -ffp-contract=off -fno-tree-slp-vectorize -Wall -Wextra -Werror -shared -fPIC"
+    )
     source = ROOT / "tests" / "plugins" / "delayed.cpp"
     done = subprocess.run([*command.split(), "-I", ROOT, source, "-o", library], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
@@ -41,7 +43,9 @@ def test_the_committed_baseline_holds(tmp_path):
     """Our own structures give the figures that they gave. If a change is meant, tests/baseline/README.md says what to do."""
     structures = json.loads(call("list", "structures", "--json").stdout)
     own = [s["name"] for s in structures if s["name"] not in ("embree", "embree_topology", "cgal_aabb")]
-    known = {json.loads(line)["case"][1] for line in open(ROOT / "tests/baseline/small.txt") if line.startswith('{"case"')}
+    known = {
+        json.loads(line)["case"][1] for line in open(ROOT / "tests/baseline/small.txt") if line.startswith('{"case"')
+    }
     words = ["run", "soup(size=500)", "sphereflake(depth=1)", "--structures", ",".join(s for s in own if s in known)]
     words += ["--sets", "camera,shadow,aimed", *SHORT, "--rays", "512", "--verify-rays", "256"]
     call(*words, "--no-report", "--out", tmp_path / "run")
@@ -73,7 +77,9 @@ def test_again_takes_verdicts_over_and_finds_what_changed(plugin, tmp_path):
     call("check", tmp_path / "first", tmp_path / "second", "--exact-only")
     phases = json.loads((tmp_path / "second" / "run.json").read_text())["phases"]
     assert phases["truth"] == phases["capture"] == phases["heat_maps"] == 0
-    done = call("run", "sphereflake(depth=1)", *SMALL, "--again", tmp_path / "first", "--out", tmp_path / "third", code=2)
+    done = call(
+        "run", "sphereflake(depth=1)", *SMALL, "--again", tmp_path / "first", "--out", tmp_path / "third", code=2
+    )
     assert "another program or another plugin" in done.stderr
     done = call(*words, "--again", tmp_path / "nothing", "--out", tmp_path / "fourth", code=2)
     assert "--again" in done.stderr and done.stderr.count("\n") == 1
@@ -81,7 +87,9 @@ def test_again_takes_verdicts_over_and_finds_what_changed(plugin, tmp_path):
 
 def test_parameters_without_effect_are_told_unless_they_are_of_speed_alone(tmp_path):
     structures = "kdtree_sah,kdtree_sah(max_depth=40),grid,grid(mailbox=true),bvh_sah,bvh_sah(leaf_size=1)"
-    done = call("run", "sphereflake(depth=1)", "--structures", structures, *SMALL, "--no-report", "--out", tmp_path / "run")
+    done = call(
+        "run", "sphereflake(depth=1)", "--structures", structures, *SMALL, "--no-report", "--out", tmp_path / "run"
+    )
     notes = [line for line in done.stderr.splitlines() if "no effect" in line]
     assert len(notes) == 1 and "max_depth" in notes[0]
     told = json.loads((tmp_path / "run" / "run.json").read_text())

@@ -105,10 +105,15 @@ def test_any_exact_difference_fails_and_is_named(tmp_path, capsys, change, figur
 
 
 def test_a_case_that_is_gone_or_new_is_a_difference():
-    one, two = samples.Comparison("s", "a", "camera", "traced", "closest", 1), samples.Comparison("s", "b", "", "", "", 1)
-    found = exact.differences({one: {"hits": 1}}, {two: {"hits": 1}})
+    one, two = (
+        samples.Comparison("s", "a", "camera", "traced", "closest", 1),
+        samples.Comparison("s", "b", "", "", "", 1),
+    )
+    names = frozenset(["hits", "prims"])
+    make = lambda cases: exact.Figures(cases, names)  # noqa: E731
+    found = exact.differences(make({one: {"hits": 1}}), make({two: {"hits": 1}}))
     assert [(d.comparison, d.old, d.new) for d in found] == [(one, "there", None), (two, None, "there")]
-    found = exact.differences({one: {"hits": 1}}, {one: {"prims": 2.5}})
+    found = exact.differences(make({one: {"hits": 1}}), make({one: {"prims": 2.5}}))
     assert [(d.figure, d.old, d.new) for d in found] == [("hits", 1, None), ("prims", None, 2.5)]
 
 
@@ -129,8 +134,30 @@ def test_a_baseline_is_written_checked_and_accepted_anew_with_its_reason(tmp_pat
     assert accepted[-1]["accepted"] == "visits the root twice"
     assert accepted[-1]["old_and_new"] == [["soup / bvh_sah / camera", "steps", 20.5, 20.501]]
     assert accepted[-1]["author"] and accepted[-1]["commit"] == "c003" and accepted[-1]["date"].endswith("Z")
-    assert len(figures) == 3 and len(accepted) == 2
+    assert len(figures.cases) == 3 and len(accepted) == 2
     assert check(changed, "--baseline", base) == 0
+
+
+def test_a_figure_that_another_version_had_not_is_not_compared(tmp_path):
+    a, b = write_run(tmp_path / "a"), write_run(tmp_path / "b", seed=2)
+    text = (a / "cases.csv").read_text()
+    (a / "cases.csv").write_text(text.replace("hits_digest", "hits_hash", 1))
+    assert check(a, b, "--exact-only") == 0
+    (a / "cases.csv").write_text(text.replace("status", "state", 1))
+    assert check(a, b, "--exact-only") == 2
+
+
+def digest(text):
+    def change(row):
+        if row["spec"] == "bvh_sah" and row["ray_set"] == "camera":
+            row["hits_digest"] = text
+
+    return change
+
+
+def test_digests_that_read_as_equal_numbers_differ(tmp_path):
+    a, b = write_run(tmp_path / "a", digest("10000000000000e1")), write_run(tmp_path / "b", digest("1000000000000e02"))
+    assert check(a, b, "--exact-only") == 1
 
 
 @pytest.mark.parametrize("text", ["", "{}\n", '{"raybench_baseline": 9}\n', '{"raybench_baseline": 1}\nno\n'])

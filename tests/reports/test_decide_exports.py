@@ -98,12 +98,16 @@ def test_compare_py_reads_the_export(tmp_path, capsys):
         pytest.skip("RAYBENCH_GOOGLE_BENCHMARK_TOOLS names no folder with Google Benchmark's compare.py")
     for name, slower in (("a", None), ("b", {"bvh_sah": 1.5})):
         folder = write_run(tmp_path / name, sessions=4, slower=slower)
-        assert main(["history", "export", str(folder), "--format=google-benchmark", f"--out={tmp_path / name}.json"]) == 0
+        assert (
+            main(["history", "export", str(folder), "--format=google-benchmark", f"--out={tmp_path / name}.json"]) == 0
+        )
     done = subprocess.run(
         [sys.executable, str(Path(tools) / "compare.py"), "--no-color", "benchmarks", f"{tmp_path}/a.json", f"{tmp_path}/b.json"],
         capture_output=True, text=True, check=True,
     )  # fmt: skip
-    line = next(line for line in done.stdout.splitlines() if line.startswith("soup/bvh_sah/camera") and "median" in line)
+    line = next(
+        line for line in done.stdout.splitlines() if line.startswith("soup/bvh_sah/camera") and "median" in line
+    )
     assert "+0.5" in line or "+0.49" in line
     assert "pvalue" in done.stdout
 

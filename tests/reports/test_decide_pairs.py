@@ -83,7 +83,10 @@ def test_a_structure_that_is_new_or_timed_on_other_rays_is_left_out_and_said():
 
 
 def test_files_are_named_without_their_folders_unless_that_mixes_them_up():
-    assert samples.short_names(["/a/x.ply", "soup(file=a/b)"]) == {"/a/x.ply": "x.ply", "soup(file=a/b)": "soup(file=a/b)"}
+    assert samples.short_names(["/a/x.ply", "soup(file=a/b)"]) == {
+        "/a/x.ply": "x.ply",
+        "soup(file=a/b)": "soup(file=a/b)",
+    }
     assert samples.short_names(["/a/x.ply", "/b/x.ply"]) == {"/a/x.ply": "/a/x.ply", "/b/x.ply": "/b/x.ply"}
 
 
@@ -100,7 +103,7 @@ def test_two_commits_are_built_and_compared(tmp_path, monkeypatch):
     git = lambda *words: subprocess.run(["git", *words], cwd=tmp_path, check=True, capture_output=True)  # noqa: E731
     git("init", "-q")
     for slowdown in (0, 0.2):
-        (tmp_path / "tool.sh").write_text(f"exec {command(slowdown, 0.002)} \"$@\"\n")
+        (tmp_path / "tool.sh").write_text(f'exec {command(slowdown, 0.002)} "$@"\n')
         git("add", "tool.sh")
         git("-c", "user.name=a", "-c", "user.email=a@b", "commit", "-qm", f"by {slowdown}")
     monkeypatch.chdir(tmp_path)
@@ -111,6 +114,9 @@ def test_two_commits_are_built_and_compared(tmp_path, monkeypatch):
     (tmp_path / "tool.sh").write_text("")
     assert main([*words, "--build", "cp tool.sh built.sh && chmod +x built.sh && sed -i '1i #!/bin/sh' built.sh",
                  "--binary", "built.sh"]) == 1  # fmt: skip
-    assert "worktree" not in subprocess.run(["git", "worktree", "list"], capture_output=True, text=True).stdout.split("\n")[1:]
+    assert (
+        "worktree"
+        not in subprocess.run(["git", "worktree", "list"], capture_output=True, text=True).stdout.split("\n")[1:]
+    )
     assert main(["check", "--commits", "nothing", "HEAD"]) == 2
     assert main([*words, "--build", "false"]) == 2

@@ -66,7 +66,9 @@ def record(arguments):
                 busy = subprocess.Popen([sys.executable, "-c", "while True: pass"])
             if not loaded and busy is not None:
                 busy = stop(busy)
-            kind = drawn.choices(list(KINDS), [arguments.share, (1 - arguments.share) / 2, (1 - arguments.share) / 2])[0]
+            kind = drawn.choices(list(KINDS), [arguments.share, (1 - arguments.share) / 2, (1 - arguments.share) / 2])[
+                0
+            ]
             a_first = drawn.random() < 0.5
             order = ["aa", kind] if a_first else [kind, "aa"]
             begin, load = time.monotonic(), os.getloadavg()[0]
@@ -147,7 +149,9 @@ def report(arguments):
                ("itself, times x 1.05", "aa", 1.05), ("itself, times x 1.10", "aa", 1.10)]  # fmt: skip
     for anchor in (ANCHOR, None):
         print(f"Times {'as ratios to ' + anchor if anchor else 'as they are'}:\n")
-        print("| program B | decisions | fail | inconclusive | pass | fails of others | pairs | threshold alarms | U test alarms |")
+        print(
+            "| program B | decisions | fail | inconclusive | pass | fails of others | pairs | threshold alarms | U test alarms |"
+        )
         print("|---|---|---|---|---|---|---|---|---|")
         for name, kind, factor in planted:
             judged = [

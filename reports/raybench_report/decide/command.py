@@ -1,17 +1,14 @@
 """`raybench check`: reads what was typed, decides, says so."""
 
 import argparse
-import shlex
 import shutil
-import subprocess
 import tempfile
 import time
 from pathlib import Path
 
-import numpy as np
 
 from .. import results
-from . import commits, decision, exact, instructions, output, pairs, samples, tolerance, unpaired
+from . import commits, decision, exact, instructions, output, pairs, tolerance, unpaired
 
 
 def main(argv):
@@ -70,7 +67,7 @@ def _check(figures, differences, comparisons=(), pairs_seen=0, unit="pairs", und
     return {
         "verdict": verdict,
         "exact": {
-            "cases": len(figures),
+            "cases": len(figures.cases),
             "differences": [
                 {"case": d.comparison.name, "figure": d.figure, "old": d.old, "new": d.new, "change": d.change}
                 for d in differences
@@ -88,21 +85,23 @@ def _against_baseline(arguments):
     _need(len(arguments.folders) == 1, "--baseline takes one result folder")
     folder, path = arguments.folders[0], arguments.baseline
     figures = exact.figures_of(folder, own_only=True)
-    known, accepted = ({}, []) if arguments.accept and not path.exists() else exact.read_baseline(path)
+    known, accepted = (
+        (exact.Figures({}, figures.names), []) if arguments.accept and not path.exists() else exact.read_baseline(path)
+    )
     differences = exact.differences(known, figures)
     notes = _without_effect(folder)
     if arguments.accept is not None:
         _need(arguments.accept.strip(), "--accept: say why")
         if differences:
             commit = (pairs.facts_of(folder).get("build") or {}).get("commit")
-            line = exact.acceptance(arguments.accept.strip(), differences if known else [], commit)
+            line = exact.acceptance(arguments.accept.strip(), differences if known.cases else [], commit)
             exact.write_baseline(path, figures, [*accepted, line])
             notes.append(f"{path}: {len(differences)} figures accepted: {arguments.accept.strip()}")
         else:
             notes.append(f"{path}: nothing differs, nothing to accept")
         differences = []
     elif differences:
-        notes.append(f"if this is meant: raybench check {folder} --baseline {path} --accept \"WHY\"")
+        notes.append(f'if this is meant: raybench check {folder} --baseline {path} --accept "WHY"')
     return _check(figures, differences, notes=notes), differences
 
 

@@ -6,7 +6,7 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
-from .. import results
+from .. import columns, results
 from . import samples
 
 FORMAT = 1  # of baseline files
@@ -29,53 +29,64 @@ class Difference:
         return None
 
 
+@dataclass(frozen=True)
+class Figures:
+    """{comparison: {figure: value}}, and the names of all figures that this raybench knows: a figure that another
+    version had not yet, or has no more, is not compared."""
+
+    cases: dict
+    names: frozenset
+
+
 def figures_of(folder, own_only=False):
-    """{comparison: {figure: value}} of a result folder: all columns that do not vary between runs; absent ones are left
-    out, and those of a tree stand with its build alone. `own_only`: without structures of libraries, whose code changes
-    with their versions. Throws RunError."""
-    cases = samples.read_cases(folder)
-    names = samples.deterministic_columns()
-    figures = {}
-    for _, row in cases.iterrows():
+    """Figures of a result folder: all columns that do not vary between runs; absent values are left out, and those of a
+    tree stand with its build alone. `own_only`: without structures of libraries, whose code changes with their versions.
+    Throws RunError."""
+    rows = samples.read_rows(folder)
+    names = [name for name in samples.deterministic_columns() if not rows or name in rows[0]]
+    texts = {name for name, kind, *_ in columns.columns_of("cases.csv") if kind == "text"}
+    cases = {}
+    for row in rows:
         if own_only and row["structure"] in LIBRARIES:
             continue
-        values = {name: _plain(row[name]) for name in names}
-        figures[samples.comparison_of(row)] = {name: value for name, value in values.items() if value is not None}
+        try:
+            values = {name: _plain(row[name], name in texts) for name in names if row[name] != ""}
+        except ValueError as error:
+            raise results.RunError(f"{folder / 'cases.csv'}: case {row['case_id']}: {error}") from None
+        cases[samples.comparison_of(row)] = values
     builds = {}
-    for c, values in figures.items():
+    for c, values in cases.items():
         if c.query == "build":
             builds.setdefault((c.scene, c.spec), values)
-    for c, values in figures.items():
+    for c, values in cases.items():
         of_build = builds.get((c.scene, c.spec), {}) if c.query != "build" else {}
         for name in [name for name in values if name != "status" and of_build.get(name) == values[name]]:
             del values[name]
-    return figures
+    return Figures(cases, frozenset(names))
 
 
 LIBRARIES = {"embree", "embree_topology", "cgal_aabb"}
 
 
-def _plain(value):
-    """As JSON has it: whole numbers without a point; None for an empty field."""
-    if isinstance(value, str):
-        return value or None
-    if value != value:
-        return None
-    return int(value) if float(value).is_integer() else float(value)
+def _plain(text, is_text):
+    """A field as JSON has it: whole numbers without a point."""
+    if is_text:
+        return text
+    return int(text) if text.lstrip("-").isdigit() else float(text)
 
 
 def differences(old, new):
-    """All that differs between two results of figures_of(), in their order."""
+    """All that differs between two Figures, in their order."""
     found = []
-    for comparison in [*old, *(c for c in new if c not in old)]:
-        if comparison not in new:
+    for comparison in [*old.cases, *(c for c in new.cases if c not in old.cases)]:
+        if comparison not in new.cases:
             found.append(Difference(comparison, "case", "there", None))
-        elif comparison not in old:
+        elif comparison not in old.cases:
             found.append(Difference(comparison, "case", None, "there"))
         else:
-            a, b = old[comparison], new[comparison]
+            a, b = old.cases[comparison], new.cases[comparison]
             for name in [*a, *(n for n in b if n not in a)]:
-                if a.get(name) != b.get(name):
+                if name in old.names and name in new.names and a.get(name) != b.get(name):
                     found.append(Difference(comparison, name, a.get(name), b.get(name)))
     return found
 
@@ -84,12 +95,12 @@ def differences(old, new):
 
 
 def read_baseline(path):
-    """(figures, list of what was accepted before). Throws RunError naming the line."""
+    """(Figures, list of what was accepted before). Throws RunError naming the line."""
     try:
         lines = Path(path).read_text(encoding="utf-8").splitlines()
     except OSError as error:
         raise results.RunError(f"{path}: {error.strerror}; write it by --accept WHY") from None
-    figures, accepted = {}, []
+    cases, names, accepted = {}, frozenset(), []
     for number, line in enumerate(lines, start=1):
         if not line.strip():
             continue
@@ -98,23 +109,24 @@ def read_baseline(path):
             if number == 1:
                 if entry.get("raybench_baseline") != FORMAT:
                     raise ValueError(f"no baseline of format {FORMAT}")
+                names = frozenset(entry["figures"])
             elif "accepted" in entry:
                 accepted.append(entry)
             else:
                 key = entry.pop("case")
-                figures[samples.Comparison(*key[:-1], int(key[-1]))] = entry
+                cases[samples.Comparison(*key[:-1], int(key[-1]))] = entry
         except (ValueError, TypeError, KeyError, AttributeError) as error:
             raise results.RunError(f"{path}: line {number}: not of a baseline: {error}") from None
     if not lines:
         raise results.RunError(f"{path}: empty; a baseline starts with a line of its format")
-    return figures, accepted
+    return Figures(cases, names), accepted
 
 
 def write_baseline(path, figures, accepted):
     """Through a temporary file. `accepted`: oldest first."""
-    lines = [json.dumps({"raybench_baseline": FORMAT})]
+    lines = [json.dumps({"raybench_baseline": FORMAT, "figures": sorted(figures.names)})]
     lines += [json.dumps(entry, ensure_ascii=False) for entry in accepted]
-    for c, values in figures.items():
+    for c, values in figures.cases.items():
         key = [c.scene, c.spec, c.ray_set, c.order, c.query, c.threads]
         lines.append(json.dumps({"case": key, **values}, ensure_ascii=False))
     text = "\n".join(lines) + "\n"
@@ -140,7 +152,9 @@ def _author():
     import subprocess
 
     try:
-        name = subprocess.run(["git", "config", "user.name"], capture_output=True, text=True, check=False).stdout.strip()
+        name = subprocess.run(
+            ["git", "config", "user.name"], capture_output=True, text=True, check=False
+        ).stdout.strip()
     except OSError:
         name = ""
     try:

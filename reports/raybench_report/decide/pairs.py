@@ -51,7 +51,14 @@ class Stream:
                             key = [c.scene, c.spec, c.ray_set, c.order, c.query, c.threads]
                             rays = of_side.rays[c]
                             writer.writerow(
-                                [number, side, int((side == "A") == a_first), *key, repr(ns), "" if rays is None else rays]
+                                [
+                                    number,
+                                    side,
+                                    int((side == "A") == a_first),
+                                    *key,
+                                    repr(ns),
+                                    "" if rays is None else rays,
+                                ]
                             )
 
         results.write_atomically(path, write)

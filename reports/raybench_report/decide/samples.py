@@ -48,6 +48,20 @@ def read_cases(folder):
     return cases.assign(scene=cases["scene"].map(short_names(cases["scene"].unique())))
 
 
+def read_rows(folder):
+    """cases.csv row by row, every field as text, with scenes as short_names() has them. Columns may be fewer than this
+    raybench knows, or more: another version may have written it. Throws RunError."""
+    results.read_info(folder / "run.json")
+    rows = _rows(folder / "cases.csv")
+    needed = {*KEY, "case_id", "structure", "status", "timed_rays"}
+    if rows and (absent := needed - set(rows[0])):
+        raise results.RunError(f"{folder / 'cases.csv'}: missing columns: {', '.join(sorted(absent))}")
+    if any(None in row or None in row.values() for row in rows):
+        raise results.RunError(f"{folder / 'cases.csv'}: a line has more or fewer fields than the first")
+    names = short_names(dict.fromkeys(row["scene"] for row in rows))
+    return [{**row, "scene": names[row["scene"]]} for row in rows]
+
+
 def short_names(scenes):
     """{scene: name}: files without their folders, so that the worktrees of two commits have scenes of the same name;
     as they are where that would mix scenes up."""
@@ -80,10 +94,7 @@ class Times:
 
 def times_of(folder):
     """A list of Times, one for each process that the folder has samples of, from samples.csv. Throws RunError."""
-    results.read_info(folder / "run.json")
-    cases = _rows(folder / "cases.csv")
-    names = short_names({row["scene"] for row in cases})
-    timed = {row["case_id"]: {**row, "scene": names[row["scene"]]} for row in cases if row["status"] == "timed"}
+    timed = {row["case_id"]: row for row in read_rows(folder) if row["status"] == "timed"}
     taken = {}
     try:
         for row in _rows(folder / "samples.csv"):
