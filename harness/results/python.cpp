@@ -84,7 +84,8 @@ std::string MissingPython(const std::string& python) {
 }
 
 bool PythonWorks(const std::string& python, const fs::path& reports) {
-  return RunProgram({python, "-c", "import jinja2, pandas, vl_convert, raybench_report"}, PythonPath(reports), true) == 0;
+  return RunProgram({python, "-c", "import jinja2, pandas, vl_convert, raybench_report"}, PythonPath(reports),
+                    true) == 0;
 }
 
 }  // namespace
@@ -100,6 +101,11 @@ int Reports::Run(const std::vector<std::string>& arguments) const {
   words.insert(words.end(), arguments.begin(), arguments.end());
   std::fflush(stdout);
   return RunProgram(std::move(words), PythonPath(folder_), false).value_or(2);
+}
+
+void RequireFolder(const std::string& folder) {
+  std::error_code error;
+  if (!fs::is_directory(folder, error)) throw InputError(folder + ": no such directory");
 }
 
 void DrawReportIfPossible(const std::string& folder) {
