@@ -33,6 +33,7 @@ void AddExplainCommand(CLI::App& app, Invocation& invocation) {
   AddCommand<ExplainArguments>(
       app, invocation, "explain", "Why is one structure slower than another?", AddOptions,
       [](const ExplainArguments& arguments, const Registry&) {
+        RequireFolder(arguments.folder);
         std::vector<std::string> words = {"explain", arguments.one, arguments.other, arguments.folder};
         if (!arguments.scene.empty()) words.insert(words.end(), {"--scene", arguments.scene});
         if (!arguments.rays.empty()) words.insert(words.end(), {"--rays", arguments.rays});

@@ -40,6 +40,7 @@ void AddOptions(CLI::App& command, ReportArguments& arguments) {
 void AddReportCommand(CLI::App& app, Invocation& invocation) {
   AddCommand<ReportArguments>(app, invocation, "report", "Make a page, or figures, of result folders",
                               AddOptions, [](const ReportArguments& arguments, const Registry&) {
+                                for (const std::string& folder : arguments.folders) RequireFolder(folder);
                                 std::vector<std::string> words = arguments.folders;
                                 if (!arguments.out.empty())
                                   words.insert(words.end(), {"--out", arguments.out});

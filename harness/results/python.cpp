@@ -86,7 +86,8 @@ std::string MissingPython(const std::string& python) {
 bool PythonWorks(const std::string& python, const fs::path& reports) {
   return RunProgram({python, "-c",
                      "import raybench_report, sys; from importlib.util import find_spec\n"
-                     "sys.exit(not all(map(find_spec, ['jinja2', 'pandas', 'ruptures', 'scipy', 'vl_convert'])))"},
+                     "sys.exit(not all(map(find_spec, ['jinja2', 'matplotlib', 'pandas', 'ruptures', "
+                     "'scipy', 'vl_convert'])))"},
                     PythonPath(reports), true) == 0;
 }
 
@@ -103,6 +104,11 @@ int Reports::Run(const std::vector<std::string>& arguments) const {
   words.insert(words.end(), arguments.begin(), arguments.end());
   std::fflush(stdout);
   return RunProgram(std::move(words), PythonPath(folder_), false).value_or(2);
+}
+
+void RequireFolder(const std::string& folder) {
+  std::error_code error;
+  if (!fs::is_directory(folder, error)) throw InputError(folder + ": no such directory");
 }
 
 void DrawReportIfPossible(const std::string& folder) {

@@ -17,6 +17,9 @@ class Reports {
   std::string folder_, python_;
 };
 
+/// Throws InputError where `folder` is no directory.
+void RequireFolder(const std::string& folder);
+
 /// Makes the page after a run; where that cannot work, one line says how to get them.
 void DrawReportIfPossible(const std::string& folder);
 

@@ -44,16 +44,30 @@ def _report(argv):
         description="Makes one self-contained page of result folders, several runs side by side.",
         epilog="python -m raybench_report heat --help: a sheet of heat maps; explain --help: the gap between two structures.",
     )
-    parser.add_argument("directories", metavar="DIR", nargs="+", type=Path, help="what run, verify, extremes, fuzz or check-plugin wrote with --out")
-    parser.add_argument("-o", "--out", metavar="FILE", type=Path, help="the page; default: report.html in the first DIR")
-    parser.add_argument("--figures", action="store_true", help="write figures (PDF, SVG, PNG) and tables (LaTeX, Markdown, CSV) instead, to the folder `figures`, or --out")
+    parser.add_argument(
+        "directories",
+        metavar="DIR",
+        nargs="+",
+        type=Path,
+        help="what run, verify, extremes, fuzz or check-plugin wrote with --out",
+    )
+    parser.add_argument(
+        "-o", "--out", metavar="FILE", type=Path, help="the page; default: report.html in the first DIR"
+    )
+    parser.add_argument(
+        "--figures",
+        action="store_true",
+        help="write figures (PDF, SVG, PNG) and tables (LaTeX, Markdown, CSV) instead, to the folder `figures`, or --out",
+    )
     arguments = parser.parse_args(argv)
     kinds = all_kinds()
     found = report.read(arguments.directories, kinds)
     sections = [
         section
         for kind in kinds
-        if (folders := [f for f in [*found.runs, *found.others] if kind.holds(f.directory) and _first(kinds, f) is kind])
+        if (
+            folders := [f for f in [*found.runs, *found.others] if kind.holds(f.directory) and _first(kinds, f) is kind]
+        )
         for section in kind.sections(found, folders)
     ]
     if arguments.figures:
@@ -75,7 +89,10 @@ def _explain(argv):
     """Prints why one structure is slower than another."""
     from . import explain
 
-    parser = argparse.ArgumentParser(prog="raybench explain", description="Splits the gap between two structures into visits, primitive tests and bytes, and time per each.")
+    parser = argparse.ArgumentParser(
+        prog="raybench explain",
+        description="Splits the gap between two structures into visits, primitive tests and bytes, and time per each.",
+    )
     parser.add_argument("one", metavar="A")
     parser.add_argument("other", metavar="B")
     parser.add_argument("directory", metavar="DIR", type=Path, help="what `raybench run --out DIR` wrote")

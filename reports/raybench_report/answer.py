@@ -28,7 +28,9 @@ def best(report):
         return pd.DataFrame()
     cases = cases[cases["threads"] == cases.groupby(["run", "label"])["threads"].transform("min")]
     against = cases["anchor_ns"].where(cases["anchor_ns"].notna(), 1e9)
-    cases = cases.assign(speed=against / cases["median_ns"], slow=against / cases["hi_ns"], quick=against / cases["lo_ns"])
+    cases = cases.assign(
+        speed=against / cases["median_ns"], slow=against / cases["hi_ns"], quick=against / cases["lo_ns"]
+    )
     # the anchor against itself on the same rays is 1, whatever its two medians say
     cases.loc[cases["spec"] == cases["anchor"], "speed"] = 1.0
     groups = {}
@@ -68,7 +70,7 @@ def sentences(report, found):
 
 def _fastest(found, report):
     winners = found["first"].value_counts()
-    top, scenes, sets = winners.index[0], found["label"].nunique(), found["rays_label"].nunique()
+    top, scenes = winners.index[0], found["label"].nunique()
     rates = found.loc[found["first"] == top, "rate"] / 1e6
     leads = found.loc[(found["first"] == top) & found["lead"].notna()]
     where = _all(scenes)
@@ -85,9 +87,11 @@ def _fastest(found, report):
             f", {_times(leads['lead'])} times as many as the next, `{nearest}`")  # fmt: skip
     text += "."
     if len(winners) > 1:
-        text += " Elsewhere: " + "; ".join(
-            f"`{spec}` for {_places(found[found['first'] == spec], found)}" for spec in winners.index[1:5]
-        ) + ("." if len(winners) <= 5 else "; and others.")
+        text += (
+            " Elsewhere: "
+            + "; ".join(f"`{spec}` for {_places(found[found['first'] == spec], found)}" for spec in winners.index[1:5])
+            + ("." if len(winners) <= 5 else "; and others.")
+        )
     pairs = found[found["lead"].notna()]
     if len(pairs):
         unsure = (~pairs["sure"]).sum()
@@ -128,7 +132,8 @@ def _correct(report):
     checked = queries["verified"].sum()
     if len(refused):
         names = "; ".join(
-            f"`{spec}` on `{label}`: {here['note'].iloc[0]}" for (spec, label), here in refused.groupby(["spec", "label"], sort=False)
+            f"`{spec}` on `{label}`: {here['note'].iloc[0]}"
+            for (spec, label), here in refused.groupby(["spec", "label"], sort=False)
         )
         text = f"Refused, so without any time, because an answer broke what the structure claims: {names}."
     else:
@@ -136,7 +141,11 @@ def _correct(report):
     if len(wrong):
         shares = wrong.groupby("spec")[[*ERRORS, "verified"]].sum()
         shares = (shares[ERRORS].sum(axis=1) / shares["verified"]).sort_values(ascending=False)
-        text += " Not exact, and not claimed to be (of all answers compared, rays aimed at edges among them): " + ", ".join(f"`{spec}` {_percent(share)} wrong" for spec, share in shares.items()) + "."
+        text += (
+            " Not exact, and not claimed to be (of all answers compared, rays aimed at edges among them): "
+            + ", ".join(f"`{spec}` {_percent(share)} wrong" for spec, share in shares.items())
+            + "."
+        )
     return text
 
 
@@ -150,7 +159,7 @@ def _builds(report):
     middle = np.exp(np.log(ns["each"]).groupby(ns["spec"]).mean()).sort_values()
     if len(middle) < 2:
         return f"To build `{middle.index[0]}` takes {middle.iloc[0]:.3g} ns a primitive on one thread."
-    first = [spec for spec in report.order if spec in middle.index][0]
+    first = next(spec for spec in report.order if spec in middle.index)
     text = f"`{middle.index[0]}` builds fastest, at {middle.iloc[0]:,.3g} ns a primitive on {builds['threads_label'].iloc[0]}"
     if first != middle.index[0]:
         text += f"; `{first}` takes {middle[first] / middle.iloc[0]:.2g} times as long"
@@ -217,17 +226,23 @@ def _doubts_of(run):
     wide = (cases["hi_ns"] - cases["lo_ns"]) / cases["median_ns"]
     known = wide.notna().sum()
     if known and (wide > 0.1).sum():
-        said.append(f"{(wide > 0.1).sum()} of {known} intervals are wider than 10 % of their median; half are wider than {100 * wide.median():.2g} %.")
+        said.append(
+            f"{(wide > 0.1).sum()} of {known} intervals are wider than 10 % of their median; half are wider than {100 * wide.median():.2g} %."
+        )
     if len(cases) > known:
         said.append(f"{len(cases) - known} times have too few samples for an interval.")
     if info.get("quick"):
-        said.append(f"A quick run: {info.get('rays_per_set', 0):,} rays a set, few samples. Good for a look, not for a paper.")
+        said.append(
+            f"A quick run: {info.get('rays_per_set', 0):,} rays a set, few samples. Good for a look, not for a paper."
+        )
     machine = info.get("machine", {})
     if "hypervisor" in str(machine.get("cpu_flags", "")).split():
         said.append("Measured in a virtual machine, whose processor others may share: trust ratios more than times.")
     embree = info.get("libraries", {}).get("embree")
     if embree and "Debian" in str(machine.get("os", "")) and cases["structure"].str.startswith("embree").any():
-        said.append(f"Embree {embree.get('version', '')} is Debian's package, compiled with its assertions: a build without them may be faster.")
+        said.append(
+            f"Embree {embree.get('version', '')} is Debian's package, compiled with its assertions: a build without them may be faster."
+        )
     if info.get("build", {}).get("build_type", "Release") != "Release":
         said.append(f"raybench was built as {info['build']['build_type']}, not as Release: times mean little.")
     return said + [str(warning) for warning in info.get("warnings") or []]
@@ -248,7 +263,9 @@ def missing(run):
     planned = [s.get("spec") for s in run.info.get("structures", [])]
     have = set(zip(run.cases["spec"], run.cases["scene"], strict=True))
     scenes = list(dict.fromkeys([*run.cases["scene"], *(s.get("scene") for s in run.info.get("scenes", []))]))
-    return [(spec, scene) for scene in scenes for spec in planned if spec and spec != NULL and (spec, scene) not in have]
+    return [
+        (spec, scene) for scene in scenes for spec in planned if spec and spec != NULL and (spec, scene) not in have
+    ]
 
 
 def count(value):
@@ -281,4 +298,3 @@ def _percent(share):
 def plain(text):
     """Without backticks."""
     return re.sub(r"`([^`]*)`", r"\1", text)
-

@@ -95,11 +95,15 @@ def gaps(report, one, other, run, scene=None, rays=None):
     known = known[known["run"] == run]
     for spec in (one, other):
         if spec not in set(known["spec"]):
-            raise RunError(f"{spec}: not timed in this run; timed: {', '.join(s for s in report.order if s in set(known['spec']))}")
+            raise RunError(
+                f"{spec}: not timed in this run; timed: {', '.join(s for s in report.order if s in set(known['spec']))}"
+            )
     for value, column, what in ((scene, "label", "scene"), (rays, "rays_label", "ray set")):
         if value is not None:
             names = list(known[column].unique())
-            chosen = known[(known[column] == value) | (known["ray_set" if column == "rays_label" else "scene"] == value)]
+            chosen = known[
+                (known[column] == value) | (known["ray_set" if column == "rays_label" else "scene"] == value)
+            ]
             if chosen.empty:
                 raise RunError(f"{value}: no such {what}; there are: {', '.join(names)}")
             known = chosen
@@ -158,7 +162,9 @@ def text(report, one, other, found, run):
             if a != b and g.parts[largest] / (a - b) > 0:
                 what = PARTS.get(largest, "time per each visit, test and byte")
                 share = 100 * g.parts[largest] / (a - b)
-                lines.append(f"    {'more than all' if share > 100 else 'most'} of it: {what}, {share:.0f} % of the gap")
+                lines.append(
+                    f"    {'more than all' if share > 100 else 'most'} of it: {what}, {share:.0f} % of the gap"
+                )
     return "\n".join(lines) + "\n"
 
 

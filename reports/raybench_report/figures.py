@@ -2,6 +2,7 @@
 
 import json
 import re
+import textwrap
 
 import pandas as pd
 import vl_convert
@@ -10,8 +11,9 @@ from . import tables
 from .charts import vega
 from .results import NULL, RunError, write_atomically
 
-COLUMN = 252  # points: one column of a two-column paper
+COLUMN = 240  # points: one column of a two-column paper (ACM 241, IEEE 252)
 STEP = 10  # points a row
+ANY = " (any hit)"  # left out of legends, for room
 
 
 def write(folder, report, sections):
@@ -63,8 +65,16 @@ def specification(chart, rows):
                 place = layer.get("encoding", {}).get(axis, {})
                 if place.get("scale", {}).get("type") == "log":
                     place["axis"] = place.get("axis", {}) | {"values": found, "labelOverlap": False}
+    for layer in panel.get("layer", [panel]):
+        place = layer.get("encoding", {}).get("x", {})
+        if isinstance(place.get("title"), str):
+            place["title"] = textwrap.wrap(place["title"], max(12, int(width / 4.4)))
     theme = vega.config("print")
-    theme["legend"]["columns"] = max(1, int(COLUMN / (5 * _longest_entry(panel) + 20)))
+    entries = _entries(panel)
+    across = max(1, int(COLUMN / (4.4 * max(map(len, entries), default=10) + 18)))
+    theme["legend"]["columns"] = across
+    if names and entries:
+        _set_legend_left(panel, COLUMN - width - 8, -(-len(entries) // across), across)
     values = json.loads(rows.to_json(orient="records", double_precision=15))
     whole = {"data": {"name": "rows", "values": values}, "config": theme, "padding": 2, "background": "white"}
     if not chart.facet:
@@ -74,17 +84,47 @@ def specification(chart, rows):
     return whole | {"facet": facet, "columns": 1, "spec": panel, "resolve": chart.resolve}
 
 
-def _longest_entry(panel):
-    """Letters of the longest name in a legend."""
-    names = []
+def drawn(chart, rows):
+    """The chart as SVG, no wider than a column: drawn again, narrower, where its labels take more room than was thought."""
+    spec = specification(chart, rows)
+    svg = vl_convert.vegalite_to_svg(spec)
+    over = float(re.search(r'<svg[^>]*\swidth="([\d.]+)"', svg)[1]) - COLUMN
+    if over > 0:
+        (spec["spec"] if "spec" in spec else spec)["width"] -= over
+        svg = vl_convert.vegalite_to_svg(spec)
+    return svg
+
+
+def _entries(panel):
+    """Names in a chart's legends."""
+    encodings = [layer.get("encoding", {}) for layer in panel.get("layer", [panel])]
+    found = [
+        e[c]["scale"]["domain"]
+        for e in encodings
+        for c in ("color", "shape")
+        if "domain" in e.get(c, {}).get("scale", {})
+    ]
+    return list(dict.fromkeys(str(name).removesuffix(ANY) for names in found for name in names))
+
+
+def _set_legend_left(panel, left, lines, across):
+    """Puts the legend above the names of the rows, where it has the whole column's width."""
+    place = {
+        "labelExpr": f"replace(datum.label, '{ANY}', '')",
+        "orient": "none",
+        "legendX": -left,
+        "legendY": -(11 * lines + 32),
+        "columns": across,
+        "direction": "horizontal",
+    }
     for layer in panel.get("layer", [panel]):
         for channel in ("color", "shape"):
-            names += layer.get("encoding", {}).get(channel, {}).get("scale", {}).get("domain", [])
-    return max((len(str(name)) for name in names), default=10)
+            if "scale" in layer.get("encoding", {}).get(channel, {}):
+                layer["encoding"][channel]["legend"] = place
 
 
 def _save(folder, chart, rows):
-    svg = vl_convert.vegalite_to_svg(specification(chart, rows))
+    svg = drawn(chart, rows)
     _text(folder / f"{chart.name}.svg", svg)
     for suffix, data in (("pdf", vl_convert.svg_to_pdf(svg)), ("png", vl_convert.svg_to_png(svg, scale=4))):
         write_atomically(folder / f"{chart.name}.{suffix}", lambda path, data=data: path.write_bytes(data))
@@ -115,7 +155,9 @@ def _tables(report, sections):
             from .page import cell  # numbers as on the page
 
             numeric = [any(isinstance(row[k], int | float) for row in table.rows) for k in range(len(table.heads))]
-            yield PaperTable(table.name, table.title, table.heads, [[cell(v) for v in row] for row in table.rows], numeric)
+            yield PaperTable(
+                table.name, table.title, table.heads, [[cell(v) for v in row] for row in table.rows], numeric
+            )
 
 
 def _structures(report):
@@ -124,16 +166,24 @@ def _structures(report):
     rows = []
     for (run, label), here in tables.structures(report).groupby(["run", "label"], sort=False):
         rows.append([label if len(report.runs) == 1 else f"{label}, {run}"])
-        rows += [[tables.shown(row, column) for column in columns] for _, row in here.iterrows()]
+        rows += [[_short(tables.shown(row, column)) for column in columns] for _, row in here.iterrows()]
     heads = [c.head for c in columns]
     return PaperTable("structures", "Structures", heads, rows, [c.kind != "text" for c in columns])
+
+
+def _short(text):
+    """Without why something was skipped or refused, which no column has room for."""
+    return text.partition(": ")[0] if text.startswith(("skipped: ", "REFUSED: ")) else text
 
 
 def _speeds(report):
     """Million rays per second: structures down, ray sets across."""
     cases = report.timed_queries
-    cases = cases[(cases["structure"] != NULL) & (cases["threads"] == cases["threads"].min()) & (cases["order"] != "shuffled")]
+    cases = cases[
+        (cases["structure"] != NULL) & (cases["threads"] == cases["threads"].min()) & (cases["order"] != "shuffled")
+    ]
     sets = [s for s in report.ray_sets if s in set(cases["rays_label"])]
+    short = [s.removesuffix(" (any hit)").replace("ambient_occlusion", "ambient occlusion") for s in sets]
     rows = []
     for (run, label), here in cases.groupby(["run", "label"], sort=False):
         rows.append([label if len(report.runs) == 1 else f"{label}, {run}"])
@@ -141,11 +191,12 @@ def _speeds(report):
         for spec in [s for s in report.order if s in set(here["spec"])]:
             values = [rates.get((spec, s)) for s in sets]
             rows.append([spec, *("–" if v is None or pd.isna(v) else tables.figure(v / 1e6, 3) for v in values)])
-    return PaperTable("speed", "Million rays per second", ["structure", *sets], rows, [False] + [True] * len(sets))
+    return PaperTable("speed", "Million rays per second", ["structure", *short], rows, [False] + [True] * len(sets))
 
 
 def markdown(table):
     """GitHub's."""
+
     def line(cells):
         return "| " + " | ".join(str(c).replace("|", "\\|") for c in cells) + " |"
 
@@ -158,14 +209,31 @@ def markdown(table):
 def latex(table):
     """A tabular for \\input, with booktabs' rules."""
     columns = "".join("r" if numeric else "l" for numeric in table.numeric)
-    lines = [f"% {table.caption}. Needs \\usepackage{{booktabs}}.", f"\\begin{{tabular}}{{@{{}}{columns}@{{}}}}", "\\toprule"]
-    lines += [" & ".join(_escaped(head) for head in table.heads) + " \\\\", "\\midrule"]
+    lines = [
+        f"% {table.caption}. Needs \\usepackage{{booktabs}}.",
+        f"\\begin{{tabular}}{{@{{}}{columns}@{{}}}}",
+        "\\toprule",
+    ]
+    lines += [
+        " & ".join(_head(head, numeric) for head, numeric in zip(table.heads, table.numeric, strict=True)) + " \\\\"
+    ]
+    lines.append("\\midrule")
     for at, row in enumerate(table.rows):
         if len(row) == 1:
-            lines += (["\\addlinespace"] if at else []) + [f"\\multicolumn{{{len(table.heads)}}}{{@{{}}l}}{{\\textit{{{_escaped(row[0])}}}}} \\\\"]
+            lines += (["\\addlinespace"] if at else []) + [
+                f"\\multicolumn{{{len(table.heads)}}}{{@{{}}l}}{{\\textit{{{_escaped(row[0])}}}}} \\\\"
+            ]
         else:
             lines.append(" & ".join(_escaped(cell) for cell in row) + " \\\\")
     return "\n".join([*lines, "\\bottomrule", "\\end{tabular}"]) + "\n"
+
+
+def _head(text, numeric):
+    """A column's head, a word a line, so that columns of numbers stay narrow."""
+    words = _escaped(text).split()
+    if not numeric or len(words) < 2:
+        return " ".join(words)
+    return "\\shortstack[r]{" + " \\\\ ".join(words) + "}"
 
 
 _LATEX = {

@@ -22,6 +22,7 @@ KINDS = {
 CLIP = 99.9  # percentile of all counts at which the colours end, so that a few rays do not darken all others
 APART = 5  # log colours where most structures stay below 1/APART of the range
 
+
 class NothingCounted(RunError):
     """None of the structures can count."""
 

@@ -60,7 +60,14 @@ def _heat(folder):
             grey = np.round(255 * np.clip(share, 0, 1)).astype(np.uint8)
             out = io.BytesIO()
             Image.fromarray(grey).save(out, "PNG", optimize=True)
-            entries.append({"spec": spec, "src": _url(out.getvalue(), "png"), "mean": float(counts.mean()), "most": int(counts.max())})
+            entries.append(
+                {
+                    "spec": spec,
+                    "src": _url(out.getvalue(), "png"),
+                    "mean": float(counts.mean()),
+                    "most": int(counts.max()),
+                }
+            )
         kinds[kind] = {"top": float(top), "log": log, "clipped": clipped, "maps": entries}
     height, width = next(iter(read.counted.values()))["steps"].shape
     silent = {spec: why for spec, why in read.maps.items() if isinstance(why, str)}

@@ -60,7 +60,9 @@ class Report:
         """Structures from fast to slow, by the geometric mean of their ratio to the anchor; those without time last."""
         cases = self.timed_queries
         cases = cases[cases["structure"] != NULL]
-        relative = np.log((cases["anchor_ns"] / cases["median_ns"]).where(cases["anchor_ns"].notna(), 1e9 / cases["median_ns"]))
+        relative = np.log(
+            (cases["anchor_ns"] / cases["median_ns"]).where(cases["anchor_ns"].notna(), 1e9 / cases["median_ns"])
+        )
         known = list(relative.groupby(cases["spec"]).mean().sort_values(ascending=False).index)
         rest = sorted(set(self.cases.loc[self.cases["structure"] != NULL, "spec"]) - set(known))
         return known + rest

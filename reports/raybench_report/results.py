@@ -129,7 +129,8 @@ def _with_labels(cases):
     return cases.assign(
         label=cases["scene"].map(short) if unique else cases["scene"],
         rays_label=cases["ray_set"] + order + query,
-        threads_label=cases["threads"].map(lambda n: "" if pd.isna(n) else "1 thread" if n == 1 else f"{n:.0f} threads"),
-        errors=cases[ERRORS].sum(axis=1, min_count=4)
-        / cases["verified"].where(cases["verified"] > 0),
+        threads_label=cases["threads"].map(
+            lambda n: "" if pd.isna(n) else "1 thread" if n == 1 else f"{n:.0f} threads"
+        ),
+        errors=cases[ERRORS].sum(axis=1, min_count=4) / cases["verified"].where(cases["verified"] > 0),
     )

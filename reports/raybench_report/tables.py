@@ -81,7 +81,13 @@ def structures(report):
     for (run, label, spec), here in cases.groupby(["run", "label", "spec"], sort=False):
         mine, asked = here[here["query"] == "build"], here[here["query"] != "build"]
         one, every = mine[mine["threads"] == mine["threads"].min()], mine[mine["threads"] == mine["threads"].max()]
-        row = {"run": run, "label": label, "spec": spec, "structure": here["structure"].iloc[0], "verdict": verdict(here, asked)}
+        row = {
+            "run": run,
+            "label": label,
+            "spec": spec,
+            "structure": here["structure"].iloc[0],
+            "verdict": verdict(here, asked),
+        }
         row["status"] = worst(here["status"])
         for name, query in (("closest", "closest"), ("any", "any")):
             row[name] = _speed(asked[asked["query"] == query])

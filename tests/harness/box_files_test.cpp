@@ -39,15 +39,15 @@ TEST_F(HarnessBoxFiles, HoldEveryLevelOfASmallTree) {
   ASSERT_EQ(tree.at("levels").size(), tree.at("depth").get<size_t>() + 1);
   const Json root = tree.at("levels").at(0).at(0);
   EXPECT_EQ(tree.at("levels").at(0).size(), 1u);
-  EXPECT_FLOAT_EQ(root.at(0), -0.5f);
-  EXPECT_FLOAT_EQ(root.at(3), 78.5f);
+  EXPECT_NEAR(root.at(0), -0.5, 1e-4);
+  EXPECT_NEAR(root.at(3), 78.5, 1e-4);
   EXPECT_EQ(root.at(6), 0);
   size_t inner = 0, leaves = 0;
   for (const Json& level : tree.at("levels"))
     for (const Json& box : level) {
       ++(box.at(6) == 1 ? leaves : inner);
-      EXPECT_GE(box.at(0).get<float>(), -0.5f);
-      EXPECT_LE(box.at(3).get<float>(), 78.5f);
+      EXPECT_GE(box.at(0), root.at(0));
+      EXPECT_LE(box.at(3), root.at(3));
     }
   EXPECT_EQ(leaves, inner + 1);  // a binary tree
 }

@@ -37,7 +37,14 @@ def case(spec, scene, ray_set, query, noise, threads=1, **changes):
         "rate": 1e9 / median * (primitives if query == "build" else 1),
     }  # fmt: skip
     if query != "build":
-        row |= {"ray_hash": "0abc", "order": "traced", "rays": rays, "timed_rays": rays, "oracle": "cgal", "hits": rays // 2}
+        row |= {
+            "ray_hash": "0abc",
+            "order": "traced",
+            "rays": rays,
+            "timed_rays": rays,
+            "oracle": "cgal",
+            "hits": rays // 2,
+        }
         row |= dict.fromkeys(results.VERDICTS, 0)
         if leaks is None:
             row |= dict.fromkeys(results.VERDICTS, "")
@@ -73,7 +80,9 @@ def write_run(directory, rows, **info):
         writer = csv.DictWriter(file, SAMPLES, extrasaction="ignore")
         writer.writeheader()
         writer.writerows(sample for row in rows if row["status"] == "timed" for sample in samples_of(row))
-    (directory / "run.json").write_text(json.dumps({"format": columns.FORMAT, "machine": {"cpu": "<Test & Co>"}, "seed": 1} | info))
+    (directory / "run.json").write_text(
+        json.dumps({"format": columns.FORMAT, "machine": {"cpu": "<Test & Co>"}, "seed": 1} | info)
+    )
     return directory
 
 

@@ -9,8 +9,8 @@ import shutil
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from made_up import SPECS, full_run, without_time, write_run
-from playwright.sync_api import sync_playwright
 from PIL import Image
+from playwright.sync_api import sync_playwright
 from raybench_report import explain, report
 from raybench_report.__main__ import main
 from raybench_report.kinds import all_kinds
@@ -27,7 +27,15 @@ def rich_run(folder):
         if row["query"] != "build":
             row |= {"anchor": "embree", "anchor_ns": 100.0}
             if (row["spec"], row["scene"]) == ("grid", "stadium"):
-                row |= {"steps": 13, "prims": 50_000, "bytes": 2e6, "median_ns": 1e5, "lo_ns": 9.9e4, "hi_ns": 1.01e5, "rate": 1e4}
+                row |= {
+                    "steps": 13,
+                    "prims": 50_000,
+                    "bytes": 2e6,
+                    "median_ns": 1e5,
+                    "lo_ns": 9.9e4,
+                    "hi_ns": 1.01e5,
+                    "rate": 1e4,
+                }
     for i, row in enumerate(rows):
         if (row["spec"], row["scene"]) == ("bvh_sah(numerics=fast)", "stadium"):
             rows[i] = without_time(row, "refused", "camera: 3 leaks")
@@ -68,7 +76,9 @@ class Visit:
         self.wrong = []
         self.page.on("console", lambda m: self.wrong.append(m.text) if m.type in ("error", "warning") else None)
         self.page.on("pageerror", lambda error: self.wrong.append(str(error)))
-        self.page.on("request", lambda r: self.wrong.append(r.url) if not r.url.startswith(("file:", "data:", "blob:")) else None)
+        self.page.on(
+            "request", lambda r: self.wrong.append(r.url) if not r.url.startswith(("file:", "data:", "blob:")) else None
+        )
         self.page.goto(f"{path.as_uri()}{fragment}")
         self.page.wait_for_function("document.documentElement.dataset.charts === 'drawn'", timeout=60_000)
 
@@ -80,7 +90,10 @@ class Visit:
 
     def names(self, table):
         """Structures of a table's rows."""
-        return [text.replace("◎", "").replace("◉", "").replace("why?", "").strip() for text in self.column(table, "structure")]
+        return [
+            text.replace("◎", "").replace("◉", "").replace("why?", "").strip()
+            for text in self.column(table, "structure")
+        ]
 
     def choose(self, name, value, form="filters"):
         self.page.select_option(f"#{form} select[name={name}]", value)
@@ -114,7 +127,9 @@ def test_filters_filter_tables_and_charts(visit):
     visit.choose("rays", "camera")
     assert set(visit.column("rays", "rays")) == {"camera"}
     assert len(visit.names("rays")) == len(SPECS) - 1  # null is no row
-    visit.page.wait_for_function("document.querySelectorAll('#rays_per_second .mark-symbol path').length < %d" % max(1, before))
+    visit.page.wait_for_function(
+        f"document.querySelectorAll('#rays_per_second .mark-symbol path').length < {max(1, before)}"
+    )
     visit.page.fill("#filters input[name=q]", "bvh refused")
     visit.page.wait_for_function("document.querySelectorAll('#table-rays tbody tr').length === 1")
     assert visit.names("rays") == ["bvh_sah(numerics=fast)"]
@@ -152,7 +167,11 @@ def test_a_pinned_structure_turns_numbers_into_ratios(visit):
 
 def test_numbers_equal_those_of_the_files(visit, folder):
     stored = {row["case_id"]: row for row in csv.DictReader(open(folder / "cases.csv"))}
-    medians = sorted(float(r["median_ns"]) for r in stored.values() if r["median_ns"] and r["query"] != "build" and r["spec"] != "null")
+    medians = sorted(
+        float(r["median_ns"])
+        for r in stored.values()
+        if r["median_ns"] and r["query"] != "build" and r["spec"] != "null"
+    )
     rows = visit.download("[data-csv=rays_per_second]")
     assert sorted(float(row["median_ns"]) for row in rows) == medians
     visit.choose("scene", "stadium")
@@ -216,9 +235,16 @@ def test_the_split_is_that_of_the_command(visit, folder):
     visit.page.click('#table-structures tr:has-text("stadium") [data-why=grid]')
     other = visit.page.input_value("#explain select[name=other]")
     found = report.read([folder], all_kinds())
-    (gap,) = explain.gaps(found, "grid", other, found.runs[0].shown, "stadium", visit.page.input_value("#explain select[name=rays]"))
+    (gap,) = explain.gaps(
+        found, "grid", other, found.runs[0].shown, "stadium", visit.page.input_value("#explain select[name=rays]")
+    )
     for name, part in gap.parts.items():
-        text = visit.page.inner_text(f"#explanation [data-part={name}]").replace("−", "-").replace(",", "").replace(" ns", "")
+        text = (
+            visit.page.inner_text(f"#explanation [data-part={name}]")
+            .replace("−", "-")
+            .replace(",", "")
+            .replace(" ns", "")
+        )
         assert float(text) == pytest.approx(part, rel=0.01, abs=0.01), name
 
 
@@ -236,7 +262,9 @@ def test_five_questions_are_answered_within_two_clicks(visit):
     assert page.locator("#build_time svg").is_visible()
     # From how many rays does a better build pay? One click.
     page.click('.top nav a[href="#pays"]')
-    assert "then fastest" in page.inner_text("#break_even_points") and "interval" in page.inner_text("#break_even_points")
+    assert "then fastest" in page.inner_text("#break_even_points") and "interval" in page.inner_text(
+        "#break_even_points"
+    )
     # Why is the grid slow on the stadium? One click.
     page.click('#table-structures tr:has-text("stadium") [data-why=grid]')
     text = page.inner_text("#explanation .verdict")
@@ -283,8 +311,19 @@ def test_theme_and_print(browser, folder):
 
 def test_ten_thousand_cases_open_and_filter_within_two_seconds_of_work(browser, tmp_path):
     scenes = [f"scene{i:02}" for i in range(50)]
-    sets = [(f"{kind}.{depth}", "any" if kind == "shadow" else "closest") for kind in ("shadow", "reflection", "refraction") for depth in range(11)]
-    folder = write_run(tmp_path / "run", full_run(scenes, specs=("bvh_sah", "grid", "bvh_sah(numerics=fast)", "embree", "embree(robust=true)", "brute"), ray_sets=sets))
+    sets = [
+        (f"{kind}.{depth}", "any" if kind == "shadow" else "closest")
+        for kind in ("shadow", "reflection", "refraction")
+        for depth in range(11)
+    ]
+    folder = write_run(
+        tmp_path / "run",
+        full_run(
+            scenes,
+            specs=("bvh_sah", "grid", "bvh_sah(numerics=fast)", "embree", "embree(robust=true)", "brute"),
+            ray_sets=sets,
+        ),
+    )
     assert main([str(folder)]) == 0
     path = folder / "report.html"
     page = browser.new_page(viewport={"width": 1280, "height": 900})
@@ -293,7 +332,9 @@ def test_ten_thousand_cases_open_and_filter_within_two_seconds_of_work(browser, 
     session.send("Performance.enable", {"timeDomain": "threadTicks"})
 
     def used():
-        return next(m["value"] for m in session.send("Performance.getMetrics")["metrics"] if m["name"] == "TaskDuration")
+        return next(
+            m["value"] for m in session.send("Performance.getMetrics")["metrics"] if m["name"] == "TaskDuration"
+        )
 
     page.goto(path.as_uri())
     page.wait_for_function("document.documentElement.dataset.tables === 'ready'", timeout=60_000)
@@ -301,9 +342,13 @@ def test_ten_thousand_cases_open_and_filter_within_two_seconds_of_work(browser, 
     page.wait_for_function("document.documentElement.dataset.charts === 'drawn'", timeout=60_000)
     before = used()
     page.select_option("#filters select[name=scene]", "scene07")
-    page.wait_for_function("[...document.querySelectorAll('#table-rays tbody tr')].every(r => r.children[0].textContent === 'scene07')")
+    page.wait_for_function(
+        "[...document.querySelectorAll('#table-rays tbody tr')].every(r => r.children[0].textContent === 'scene07')"
+    )
     filtered = used() - before
-    print(f"10,000 cases: {path.stat().st_size / 1e6:.1f} MB, opens in {opened:.2f} s, filters in {filtered:.2f} s of its thread")
+    print(
+        f"10,000 cases: {path.stat().st_size / 1e6:.1f} MB, opens in {opened:.2f} s, filters in {filtered:.2f} s of its thread"
+    )
     assert "of 9,900 cases" in page.inner_text("#count")
     assert opened < 2 and filtered < 2 and path.stat().st_size < 8e6
     page.close()

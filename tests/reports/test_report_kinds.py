@@ -63,7 +63,11 @@ def write(directory, rows):
          "failure": "leak or plain error", "second": suite["second"], "range": "up to 100"}
         for name, suite in SUITES.items()
     ]  # fmt: skip
-    (directory / "extremes.json").write_text(json.dumps({"format": columns.FORMAT, "suites": suites, "timing": "rough", "machine": {"processor": "<Test & Co>"}}))
+    (directory / "extremes.json").write_text(
+        json.dumps(
+            {"format": columns.FORMAT, "suites": suites, "timing": "rough", "machine": {"processor": "<Test & Co>"}}
+        )
+    )
     return directory
 
 
@@ -196,9 +200,18 @@ def write_fuzz(directory, findings=(), promises=""):
 
 
 def test_fuzzing_and_the_contract_of_a_plugin(tmp_path):
-    finding = {"structure": "mine", "check": "closest", "what": "t is <wrong>", "file": "mine-closest.case", "primitives": 1, "rays": 1}
+    finding = {
+        "structure": "mine",
+        "check": "closest",
+        "what": "t is <wrong>",
+        "file": "mine-closest.case",
+        "primitives": 1,
+        "rays": 1,
+    }
     text = made(write_fuzz(tmp_path / "f", [finding]), out=tmp_path / "f.html")
-    assert "12,000 random cases with seed 3" in text and "1 promises were broken" in text and "t is &lt;wrong&gt;" in text
+    assert (
+        "12,000 random cases with seed 3" in text and "1 promises were broken" in text and "t is &lt;wrong&gt;" in text
+    )
     cases = (
         '<testcase classname="mine" name="closest"><failure message="m">x</failure></testcase>'
         '<testcase classname="mine" name="any"/><testcase classname="mine" name="ties"><skipped/></testcase>'
@@ -214,7 +227,10 @@ def test_fuzzing_and_the_contract_of_a_plugin(tmp_path):
 def test_folders_of_every_kind_fit_on_one_page(folder, tmp_path):
     run = write_run(tmp_path / "run", full_run())
     text = made(run, folder, write_verify(tmp_path / "v"), write_fuzz(tmp_path / "f"), out=tmp_path / "page.html")
-    places = [text.index(f'<section id="{name}"') for name in ("structures", "speed", "verify", "extremes", "fuzz", "rays", "machine")]
+    places = [
+        text.index(f'<section id="{name}"')
+        for name in ("structures", "speed", "verify", "extremes", "fuzz", "rays", "machine")
+    ]
     assert places == sorted(places)
 
 

@@ -44,7 +44,10 @@ def test_where_the_gain_is_not_certain_the_interval_has_no_end(tmp_path):
 
 
 def test_times_on_parts_of_the_rays_are_scaled_by_the_anchor(tmp_path):
-    part = {"grid": {"median_ns": 150, "timed_rays": 1 << 18, "anchor": "embree", "anchor_ns": 50}, "embree": {"median_ns": 100, "anchor": "embree", "anchor_ns": 100}}
+    part = {
+        "grid": {"median_ns": 150, "timed_rays": 1 << 18, "anchor": "embree", "anchor_ns": 50},
+        "embree": {"median_ns": 100, "anchor": "embree", "anchor_ns": 100},
+    }
     known = pays.totals(two(tmp_path, (1, 3), (150, 100), **part)).set_index("spec")["ns"]
     assert known["grid"] == pytest.approx(300) and known["embree"] == pytest.approx(100)
 
@@ -106,7 +109,19 @@ def priced(tmp_path, extra=0.0):
         for rays in ("camera", "random", "diffuse", "aimed"):
             steps, prims = noise.uniform(5, 80), noise.uniform(2, 200)
             ns = 2 + 10 * steps + 3 * prims + (extra if spec == "grid" else 0)
-            rows.append(case(spec, "s", rays, "closest", noise, steps=steps, prims=prims, bytes=32 * steps + 40 * prims, median_ns=ns))
+            rows.append(
+                case(
+                    spec,
+                    "s",
+                    rays,
+                    "closest",
+                    noise,
+                    steps=steps,
+                    prims=prims,
+                    bytes=32 * steps + 40 * prims,
+                    median_ns=ns,
+                )
+            )
     return write_run(tmp_path / "run", rows)
 
 
@@ -133,7 +148,10 @@ def test_explain_prints_and_refuses(tmp_path, capsys):
     assert main(["explain", "grid", "bvh_sah", folder, "--rays", "camera"]) == 0
     out = capsys.readouterr().out
     assert "10 ns a visit and 3 ns a test" in out and "camera:" in out and "random:" not in out
-    for words, says in ((["grid", "mine"], "mine: not timed in this run; timed: "), (["grid", "bvh_sah", "--scene", "t"], "t: no such scene; there are: s")):
+    for words, says in (
+        (["grid", "mine"], "mine: not timed in this run; timed: "),
+        (["grid", "bvh_sah", "--scene", "t"], "t: no such scene; there are: s"),
+    ):
         assert main(["explain", *words[:2], folder, *words[2:]]) == 2
         err = capsys.readouterr().err
         assert says in err and err.count("\n") == 1
@@ -152,7 +170,20 @@ def test_runs_are_compared_relative_to_their_anchors(tmp_path):
         rows = []
         for spec, ns in (("embree", 100.0), ("bvh_sah", 200.0 * slower)):
             ns *= factor  # of the machine
-            rows.append(case(spec, "s", "camera", "closest", random.Random(1), median_ns=ns, lo_ns=0.99 * ns, hi_ns=1.01 * ns, anchor="embree", anchor_ns=100 * factor))
+            rows.append(
+                case(
+                    spec,
+                    "s",
+                    "camera",
+                    "closest",
+                    random.Random(1),
+                    median_ns=ns,
+                    lo_ns=0.99 * ns,
+                    hi_ns=1.01 * ns,
+                    anchor="embree",
+                    anchor_ns=100 * factor,
+                )
+            )
         return write_run(tmp_path / name, rows)
 
     ratios = runs.ratios(read(anchored("before", 1, 1), anchored("after", 1.7, 1.1)))

@@ -97,7 +97,13 @@ def fixed(speeds, **changes):
     for spec, ns in speeds.items():
         common = {"claim": "watertight", "anchor": next(iter(speeds))} | changes
         rows.append(case(spec, "s", "build", "build", noise, median_ns=1e6, lo_ns=0.99e6, hi_ns=1.01e6))
-        times = {"median_ns": ns, "lo_ns": 0.99 * ns, "hi_ns": 1.01 * ns, "rate": 1e9 / ns, "anchor_ns": next(iter(speeds.values()))}
+        times = {
+            "median_ns": ns,
+            "lo_ns": 0.99 * ns,
+            "hi_ns": 1.01 * ns,
+            "rate": 1e9 / ns,
+            "anchor_ns": next(iter(speeds.values())),
+        }
         rows.append(case(spec, "s", "camera", "closest", noise, **(times | common)))
     return rows
 
@@ -136,9 +142,14 @@ def test_refused_skipped_and_interrupted_say_so_and_have_no_speed(tmp_path):
             rows[i] = without_time(row, "skipped", "too slow")
     rows = [row for row in rows if (row["spec"], row["scene"]) != ("bvh_sah", "t")]
     planned = [{"spec": spec} for spec in ("embree", "bvh_sah", "grid", "brute")]
-    folder = write_run(tmp_path / "run", rows, interrupted=True, structures=planned, scenes=[{"scene": "s"}, {"scene": "t"}])
+    folder = write_run(
+        tmp_path / "run", rows, interrupted=True, structures=planned, scenes=[{"scene": "s"}, {"scene": "t"}]
+    )
     found = read(folder)
-    assert "Refused, so without any time, because an answer broke what the structure claims: grid on t: shadow.0: 3 leaks" in said(found)
+    assert (
+        "Refused, so without any time, because an answer broke what the structure claims: grid on t: shadow.0: 3 leaks"
+        in said(found)
+    )
     doubts = answer.plain(" ".join(answer.doubts(found)))
     assert "interrupted" in doubts and "never measured: bvh_sah on t" in doubts
     assert "Skipped, so without a time: brute on both scenes (too slow)" in doubts
@@ -148,7 +159,9 @@ def test_refused_skipped_and_interrupted_say_so_and_have_no_speed(tmp_path):
     for label, spec, median in zip(*(column(packed["cases"], n) for n in ("label", "spec", "median_ns")), strict=True):
         assert (label, spec) != ("t", "grid") or median is None
     structures = packed["structures"]
-    for label, spec, verdict, closest in zip(*(column(structures, n) for n in ("label", "spec", "verdict", "closest")), strict=True):
+    for label, spec, verdict, closest in zip(
+        *(column(structures, n) for n in ("label", "spec", "verdict", "closest")), strict=True
+    ):
         if (label, spec) == ("t", "grid"):
             assert verdict.startswith("REFUSED: shadow.0: 3 leaks") and closest is None
 
@@ -182,13 +195,17 @@ def test_doubts_are_those_of_the_machine(tmp_path):
 def test_heat_maps_and_pictures_are_inside(tmp_path):
     from test_report_heat import make_folder
 
-    folder = write_run(tmp_path / "run", full_run(), scenes=[{"scene": "/models/sponza.obj", "image": "images/sponza.png"}])
+    folder = write_run(
+        tmp_path / "run", full_run(), scenes=[{"scene": "/models/sponza.obj", "image": "images/sponza.png"}]
+    )
     (folder / "images").mkdir()
     Image.new("RGB", (64, 48), "navy").save(folder / "images" / "sponza.png")
     make_folder(folder / "heat" / "sponza")
     (folder / "boxes").mkdir()
     box = [0, 0, 0, 1, 1, 1, 0]
-    (folder / "boxes" / "sponza.json").write_text(json.dumps({"trees": [{"spec": "bvh_sah", "depth": 3, "levels": [[box]]}]}))
+    (folder / "boxes" / "sponza.json").write_text(
+        json.dumps({"trees": [{"spec": "bvh_sah", "depth": 3, "levels": [[box]]}]})
+    )
     (scene,) = data_of(made(folder, out=tmp_path / "page.html"))["panels"]["pictures"]["scenes"]
     assert scene["label"] == "sponza.obj" and scene["picture"]["src"].startswith("data:image/png")
     assert [m["spec"] for m in scene["heat"]["kinds"]["steps"]["maps"]] == ["bvh_sah", "bvh_sah(numerics=fast)"]

@@ -23,14 +23,22 @@ def rows(report):
             if set(one["rays_label"]) != sets:
                 continue
             wrong, verified = one[ERRORS].sum().sum(), one["verified"].sum()
-            found.append({
-                "run": run, "label": label, "query": QUERIES.get(query, query), "spec": spec, "claim": one["claim"].iloc[0],
-                "wrong": wrong, "verified": verified, "share": wrong / verified,
-                # what 95 % of true rates are below, where none was seen
-                "shown": wrong / verified if wrong else 1 - 0.05 ** (1 / verified),
-                "seen": "measured" if wrong else "none seen: at most (95 %)",
-                "ns": np.average(one["median_ns"], weights=one["rays"]),
-            })  # fmt: skip
+            found.append(
+                {
+                    "run": run,
+                    "label": label,
+                    "query": QUERIES.get(query, query),
+                    "spec": spec,
+                    "claim": one["claim"].iloc[0],
+                    "wrong": wrong,
+                    "verified": verified,
+                    "share": wrong / verified,
+                    # what 95 % of true rates are below, where none was seen
+                    "shown": wrong / verified if wrong else 1 - 0.05 ** (1 / verified),
+                    "seen": "measured" if wrong else "none seen: at most (95 %)",
+                    "ns": np.average(one["median_ns"], weights=one["rays"]),
+                }
+            )
     return pd.DataFrame(found)
 
 
@@ -42,7 +50,8 @@ def charts(report):
     seen = ["measured", "none seen: at most (95 %)"]
     x = vega.number("shown", "share of wrong answers (log scale, left is better)")
     x["axis"] = {"labelExpr": "format(datum.value, '~%')", "values": [10.0**d for d in range(-7, 1)]}
-    x["scale"] = x["scale"] | {"padding": 60}
+    # room for names on the right
+    x["scale"] = {"type": "log", "nice": False, "domain": [known["shown"].min() / 2, min(1.0, known["shown"].max() * 30)]}
     y = vega.number("ns", "ns per ray (log scale, down is faster)")
     panel = {
         "layer": [
@@ -50,30 +59,52 @@ def charts(report):
                 "mark": {"type": "point"},
                 "encoding": {"x": x, "y": y}
                 | {
-                    "color": {"field": "query", "type": "nominal", "title": "query", "scale": {"domain": list(QUERIES.values())}},
-                    "shape": {"field": "seen", "type": "nominal", "title": "wrong answers", "sort": seen,
-                              "scale": {"domain": seen, "range": ["circle", "triangle-left"]}},
+                    "color": {
+                        "field": "query",
+                        "type": "nominal",
+                        "title": "query",
+                        "scale": {"domain": list(QUERIES.values())},
+                    },
+                    "shape": {
+                        "field": "seen",
+                        "type": "nominal",
+                        "title": "wrong answers",
+                        "sort": seen,
+                        "scale": {"domain": seen, "range": ["circle", "triangle-left"]},
+                    },
                 }
                 | vega.tooltip(
-                    ("spec", "structure"), ("claim", "claims"), ("query", "query"), ("label", "scene"), ("wrong", "wrong", ","),
-                    ("verified", "verified rays", ","), ("share", "share", ".3~%"), ("shown", "shown", ".2~%"), ("ns", "ns per ray", ",.4~g"),
+                    ("spec", "structure"),
+                    ("claim", "claims"),
+                    ("query", "query"),
+                    ("label", "scene"),
+                    ("wrong", "wrong", ","),
+                    ("verified", "verified rays", ","),
+                    ("share", "share", ".3~%"),
+                    ("shown", "shown", ".2~%"),
+                    ("ns", "ns per ray", ",.4~g"),
                 ),
             },
             {
                 "transform": [{"filter": "datum.wrong > 0"}],
-                "mark": {"type": "text", "align": "left", "dx": 7, "limit": 110, "style": "note"},
+                "mark": {"type": "text", "align": "left", "dx": 7, "limit": 150, "style": "note"},
                 "encoding": {"x": x, "y": y, "text": {"field": "spec"}},
             },
         ]
-    }  # fmt: skip
+    }
     return [
         Chart(
-            "error_and_speed", "Wrong answers against speed", "Dots: share of wrong answers and time per ray; down and left is better.",
-            panel, known, ["run", "label", "query", "spec", "claim", "wrong", "verified", "share", "ns"], height=240,
+            "error_and_speed",
+            "Wrong answers against speed",
+            "Dots: share of wrong answers and time per ray; down and left is better.",
+            panel,
+            known,
+            ["run", "label", "query", "spec", "claim", "wrong", "verified", "share", "ns"],
+            height=240,
             spans={"y": {"of": ["ns"], "factor": 1}},
             notes=[
                 "Wrong: leak, wrong primitive, false miss or false hit, over all ray sets together; marginal ones do not count. "
                 "Triangles: none was seen; the true share lies left of them (95 %)."
             ],
         )
-    ]  # fmt: skip
+    ]

@@ -60,7 +60,11 @@ def _suite(rows, suite, kinds):
         part["bound"] = here[column.replace("rate", "bound")] if share else np.nan
         part["rays"] = here["second_rays" if column == "second_rate" else "rays"]
         parts.append(part)
-    long = pd.concat(parts, ignore_index=True) if parts else rows.assign(quantity="", value=np.nan, bound=np.nan, share=False)
+    long = (
+        pd.concat(parts, ignore_index=True)
+        if parts
+        else rows.assign(quantity="", value=np.nan, bound=np.nan, share=False)
+    )
     # A share of zero is drawn at the bound that was shown, as a triangle: the true one lies below. Those of different
     # arithmetics would hide each other, so they stand a little apart, further down.
     zero = long["share"] & (long["value"] == 0)
@@ -69,7 +73,9 @@ def _suite(rows, suite, kinds):
     long["seen"] = np.where(zero, "none failed: at most (95 %)", "measured")
     long["series"] = long["structure"] + ", " + long["arithmetic"]
     several = long["variant"].nunique() > 1
-    long["panel"] = np.where(several & (long["variant"] != ""), long["variant"] + ": " + long["quantity"], long["quantity"])
+    long["panel"] = np.where(
+        several & (long["variant"] != ""), long["variant"] + ": " + long["quantity"], long["quantity"]
+    )
     # Zero has no place on a logarithmic axis: one step left of the smallest magnitude.
     positive = rows.loc[rows["magnitude"] > 0, "magnitude"]
     linear, zeros = suite["axis"] == "linear", bool((rows["magnitude"] <= 0).any())
@@ -80,9 +86,18 @@ def _suite(rows, suite, kinds):
     if not linear:
         x["axis"]["labelExpr"] = (f"datum.value <= {left * 1.0001:.17g} ? '0' : " if zeros else "") + vega.DECADES
         if zeros:
-            x["axis"]["values"] = [float(left), *(10.0**d for d in range(int(np.ceil(np.log10(steps[0]))), int(np.log10(steps[-1])) + 1))]
+            x["axis"]["values"] = [
+                float(left),
+                *(10.0**d for d in range(int(np.ceil(np.log10(steps[0]))), int(np.log10(steps[-1])) + 1)),
+            ]
     y = vega.free(vega.number("shown", None))
-    colour = {"field": "arithmetic", "type": "nominal", "title": "arithmetic", "sort": kinds, "scale": {"domain": kinds}}
+    colour = {
+        "field": "arithmetic",
+        "type": "nominal",
+        "title": "arithmetic",
+        "sort": kinds,
+        "scale": {"domain": kinds},
+    }
     seen = ["measured", "none failed: at most (95 %)"]
     shown = vega.tooltip(
         ("spec", "structure"), ("magnitude", suite["axis_title"], "~g"), ("quantity", "quantity"), ("value", "value", ".4~g"),
@@ -123,7 +138,9 @@ def _notes(suite, rows):
     parts = [f"Fails: {suite['failure']}.", f"Claims must hold: {suite['range']}."]
     if suite["second"]:
         parts.append(f"Second measure: {suite['second']}.")
-    parts.append("Triangles: not one ray failed; the true share lies below them (95 %). Those of one point stand a little apart.")
+    parts.append(
+        "Triangles: not one ray failed; the true share lies below them (95 %). Those of one point stand a little apart."
+    )
     if len(rays):
         low, high = f"{rays.min():,.0f}", f"{rays.max():,.0f}"
         parts.append(f"{low if low == high else f'{low} to {high}'} rays a point.")

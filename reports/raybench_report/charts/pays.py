@@ -25,7 +25,9 @@ def totals(report):
     queries = queries[queries["threads"] == queries.groupby(keys)["threads"].transform("min")]
     builds = builds[builds["threads"] == builds.groupby(keys)["threads"].transform("min")]
     columns = [*keys, "build_id", "build_ns", "build_threads"]
-    builds = builds.rename(columns={"case_id": "build_id", "median_ns": "build_ns", "threads": "build_threads"})[columns]
+    builds = builds.rename(columns={"case_id": "build_id", "median_ns": "build_ns", "threads": "build_threads"})[
+        columns
+    ]
     both = queries.merge(builds, on=keys)
     full = both[both["spec"] == both["anchor"]].drop_duplicates(["run", "label", "rays_label"])
     whole = dict(zip(zip(full["run"], full["label"], full["rays_label"], strict=True), full["median_ns"], strict=True))
@@ -47,7 +49,9 @@ def crossings(report):
         groups.setdefault((row.run, row.label, row.rays_label), []).append(row)
     for (run, label, rays_label), here in groups.items():
         current = here[0]
-        while better := [(gain(current, row), row) for row in here if row.ns < current.ns and row.build_ns >= current.build_ns]:
+        while better := [
+            (gain(current, row), row) for row in here if row.ns < current.ns and row.build_ns >= current.build_ns
+        ]:
             at, following = min(better, key=lambda pair: pair[0])
             low, high = draws.interval(current, following)
             rows.append({
@@ -122,7 +126,10 @@ def charts(report):
     y = vega.number("ms", "total, ms (log scale)")
     # Rows of lines become points along the axis; those of crossings are points already.
     curve = [
-        {"calculate": f"datum.kind == 'line' ? sequence({FEWEST}, {last} + 0.01, 0.125) : [log(datum.rays) / LN10]", "as": "decade"},
+        {
+            "calculate": f"datum.kind == 'line' ? sequence({FEWEST}, {last} + 0.01, 0.125) : [log(datum.rays) / LN10]",
+            "as": "decade",
+        },
         {"flatten": ["decade"]},
         {"calculate": "datum.kind == 'line' ? pow(10, datum.decade) : datum.rays", "as": "rays"},
         {"calculate": "(datum.build_ns + datum.rays * datum.ns) / 1e6", "as": "ms"},

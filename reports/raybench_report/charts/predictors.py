@@ -83,9 +83,14 @@ def table(report):
         here = cases[cases["rays_label"] == label]
         for names in choices:
             row = {
-                "rays": label, "trees": len(here), "predictor": " + ".join(PREDICTORS[n] for n in names),
-                "r2": explained(here, names), "rank": np.nan, "wrong": np.nan, "pairs": np.nan,
-            }  # fmt: skip
+                "rays": label,
+                "trees": len(here),
+                "predictor": " + ".join(PREDICTORS[n] for n in names),
+                "r2": explained(here, names),
+                "rank": np.nan,
+                "wrong": np.nan,
+                "pairs": np.nan,
+            }
             if len(names) == 1:
                 wrong, pairs = wrong_signs(here, names[0])
                 row |= {"rank": rank_correlation(here, names[0]), "wrong": wrong, "pairs": pairs}
@@ -105,16 +110,30 @@ def charts(report):
     panel = {
         "mark": {"type": "point", "opacity": 0.75},
         "encoding": {
-            "x": vega.number("prediction", "predictor, 1 = mean of scene and ray set", log=False) | {"scale": {"zero": False, "nice": True}},
+            "x": vega.number("prediction", "predictor, 1 = mean of scene and ray set", log=False)
+            | {"scale": {"zero": False, "nice": True}},
             "y": vega.number("time", "time per ray, likewise", log=False) | {"scale": {"zero": False, "nice": True}},
         }
         | vega.series("rays_label", "rays", sets)
-        | vega.tooltip(("spec", "structure"), ("label", "scene"), ("rays_label", "rays"), ("prediction", "predictor", ".3f"), ("time", "time", ".3f")),
-    }  # fmt: skip
+        | vega.tooltip(
+            ("spec", "structure"),
+            ("label", "scene"),
+            ("rays_label", "rays"),
+            ("prediction", "predictor", ".3f"),
+            ("time", "time", ".3f"),
+        ),
+    }
     return [
         Chart(
-            "predictor_dots", "Predictors of time", "Dots: time per ray against SAH cost, EPO and LCV, one dot a tree.",
-            panel, rows, [*keys, "predictor", "prediction"], facet="predictor", height=200, resolve={"scale": {"x": "independent"}},
+            "predictor_dots",
+            "Predictors of time",
+            "Dots: time per ray against SAH cost, EPO and LCV, one dot a tree.",
+            panel,
+            rows,
+            [*keys, "predictor", "prediction"],
+            facet="predictor",
+            height=200,
+            resolve={"scale": {"x": "independent"}},
             notes=[f"Binary BVHs of {cases['spec'].nunique()} builders under one traversal, closest hits."],
         )
-    ]  # fmt: skip
+    ]

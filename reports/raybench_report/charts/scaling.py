@@ -39,10 +39,17 @@ def fits(report):
         rest, degrees = y - y.mean() - slope * (x - x.mean()), len(x) - 2
         error = np.sqrt((rest**2).sum() / degrees / spread)
         wide = error * (T[degrees - 1] if degrees <= len(T) else 2.0)
-        rows.append({
-            "family": family, "spec": spec, "quantity": quantity, "sizes": len(x), "exponent": slope,
-            "lo": slope - wide, "hi": slope + wide,
-        })  # fmt: skip
+        rows.append(
+            {
+                "family": family,
+                "spec": spec,
+                "quantity": quantity,
+                "sizes": len(x),
+                "exponent": slope,
+                "lo": slope - wide,
+                "hi": slope + wide,
+            }
+        )
     return pd.DataFrame(rows, columns=["family", "spec", "quantity", "sizes", "exponent", "lo", "hi"])
 
 
@@ -53,35 +60,73 @@ def charts(report):
         return []
     fitted = fits(report)
     wanted = [q for q in dict.fromkeys(known["quantity"])]
-    text = fitted.assign(text=[f"N^{e:.2f} [{a:.2f}, {b:.2f}]" for e, a, b in zip(fitted["exponent"], fitted["lo"], fitted["hi"], strict=True)])
+    text = fitted.assign(
+        text=[
+            f"N^{e:.2f} [{a:.2f}, {b:.2f}]"
+            for e, a, b in zip(fitted["exponent"], fitted["lo"], fitted["hi"], strict=True)
+        ]
+    )
     known = known.merge(text[["family", "spec", "quantity", "text", "exponent"]], on=["family", "spec", "quantity"])
     order = [spec for spec in report.order if spec in set(known["spec"])]
     shown = vega.tooltip(
-        ("spec", "structure"), ("family", "scene"), ("primitives", "primitives", ","), ("value", "value", ",.4~g"), ("text", "fit")
+        ("spec", "structure"),
+        ("family", "scene"),
+        ("primitives", "primitives", ","),
+        ("value", "value", ",.4~g"),
+        ("text", "fit"),
     )
     colour = vega.series("spec", "structure", order)
     x, y = vega.number("primitives", "primitives (log scale)"), vega.free(vega.number("value", "time (log scale)"))
     curves = {
         "layer": [
-            {"mark": {"type": "line", "strokeWidth": 1.2}, "encoding": {"x": x, "y": y, "color": colour["color"], "detail": {"field": "family"}}},
+            {
+                "mark": {"type": "line", "strokeWidth": 1.2},
+                "encoding": {"x": x, "y": y, "color": colour["color"], "detail": {"field": "family"}},
+            },
             {"mark": {"type": "point"}, "encoding": {"x": x, "y": y} | colour | shown},
         ]
-    }  # fmt: skip
+    }
     exponents = vega.intervals(
-        "exponent", "lo", "hi", "exponent: time grows as N to this power",
-        vega.names(order=order), vega.series("quantity", "of", wanted),
-        vega.tooltip(("spec", "structure"), ("quantity", "of"), ("exponent", "exponent", ".3f"), ("lo", "from", ".3f"), ("hi", "to", ".3f"), ("sizes", "sizes")),
+        "exponent",
+        "lo",
+        "hi",
+        "exponent: time grows as N to this power",
+        vega.names(order=order),
+        vega.series("quantity", "of", wanted),
+        vega.tooltip(
+            ("spec", "structure"),
+            ("quantity", "of"),
+            ("exponent", "exponent", ".3f"),
+            ("lo", "from", ".3f"),
+            ("hi", "to", ".3f"),
+            ("sizes", "sizes"),
+        ),
         log=False,
-    )  # fmt: skip
+    )
     exponents["layer"][0]["encoding"]["x"]["scale"] = exponents["layer"][1]["encoding"]["x"]["scale"] = {"zero": True}
     return [
         Chart(
-            "scaling_exponents", "Growth with the number of primitives", "Dots: fitted exponents with intervals of 95 %.",
-            exponents, fitted, list(fitted.columns), facet="family",
-            notes=["Least squares of logarithms; interval of 95 % by Student's t, which calls the fit's residuals independent."],
+            "scaling_exponents",
+            "Growth with the number of primitives",
+            "Dots: fitted exponents with intervals of 95 %.",
+            exponents,
+            fitted,
+            list(fitted.columns),
+            facet="family",
+            notes=[
+                "Least squares of logarithms; interval of 95 % by Student's t, which calls the fit's residuals independent."
+            ],
         ),
         Chart(
-            "scaling_times", "Times behind the exponents", "Lines: time against number of primitives, one panel a quantity.",
-            curves, known, ["run", "family", "label", "spec", "quantity", "primitives", "value", "exponent"], facet="quantity", height=200, spans={"x": {"of": ["primitives"], "factor": 1}}, resolve={"scale": {"y": "independent"}},
+            "scaling_times",
+            "Times behind the exponents",
+            "Lines: time against number of primitives, one panel a quantity.",
+            curves,
+            known,
+            ["run", "family", "label", "spec", "quantity", "primitives", "value", "exponent"],
+            facet="quantity",
+            height=200,
+            spans={"x": {"of": ["primitives"], "factor": 1}},
+            resolve={"scale": {"y": "independent"}},
         ),
-    ]  # fmt: skip
+    ]

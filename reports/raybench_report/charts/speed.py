@@ -14,7 +14,9 @@ def charts(report):
     found = [chart for chart in (_rates(report), _builds(report), _memory(report), *_work(report)) if chart]
     if report.offset:
         for chart in found:
-            chart.notes.append(f"Each structure has a row for each run, from the top: {', '.join(sorted(run.shown for run in report.runs))}.")
+            chart.notes.append(
+                f"Each structure has a row for each run, from the top: {', '.join(sorted(run.shown for run in report.runs))}."
+            )
     return found
 
 

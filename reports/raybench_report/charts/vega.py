@@ -138,7 +138,10 @@ def tooltip(*fields):
     """(column, title) or (column, title, format) each."""
     shown = []
     for column, title, *form in fields:
-        shown.append({"field": column, "title": title} | ({"type": "quantitative", "format": form[0]} if form else {"type": "nominal"}))
+        shown.append(
+            {"field": column, "title": title}
+            | ({"type": "quantitative", "format": form[0]} if form else {"type": "nominal"})
+        )
     return {"tooltip": shown}
 
 

@@ -31,7 +31,16 @@ def sections(report, folders):
         [r.scene, r.spec, r.claim, r.way, r.points, r.wrong, r.wrong_upper, r.ns_per_point, "yes" if r.held else "NO"]
         for r in rows.itertuples()
     ]
-    return [Section("crossings", "Crossings: inside or outside?", "Crossings", says, [], [Table("crossings_rows", "Ways", heads, listed)])]
+    return [
+        Section(
+            "crossings",
+            "Crossings: inside or outside?",
+            "Crossings",
+            says,
+            [],
+            [Table("crossings_rows", "Ways", heads, listed)],
+        )
+    ]
 
 
 KIND = Kind(

@@ -47,7 +47,11 @@ def sections(report, folders):
         refused = rows[rows["status"] == "refused"].drop_duplicates(["suite", "variant", "magnitude"])
         says = [
             f"{len(rows):,} points: {', '.join(f'{n} {status}' for status, n in rows['status'].value_counts().items())}. "
-            + ("No claim was broken within the suites' ranges." if broken.empty else f"{len(broken)} claims were broken within the suites' ranges."),
+            + (
+                "No claim was broken within the suites' ranges."
+                if broken.empty
+                else f"{len(broken)} claims were broken within the suites' ranges."
+            ),
             "Each chart makes one thing worse from left to right; reports/EXTREMES.md explains each suite.",
         ]
         tables = []

@@ -32,7 +32,13 @@ def read(directory):
         except ElementTree.ParseError as error:
             raise RunError(f"{junit}: not XML: {error}") from None
         for case in cases:
-            outcome = "BROKEN" if case.find("failure") is not None else "not asked" if case.find("skipped") is not None else "held"
+            outcome = (
+                "BROKEN"
+                if case.find("failure") is not None
+                else "not asked"
+                if case.find("skipped") is not None
+                else "held"
+            )
             promises.append((case.get("classname"), case.get("name"), outcome))
     return Findings(directory, info, promises)
 
@@ -50,13 +56,32 @@ def sections(report, folders):
         ]
         tables = []
         if broken:
-            rows = [[f.get("structure"), f.get("check"), f.get("what"), f.get("primitives"), f.get("rays"), f.get("file")] for f in broken]
-            tables.append(Table(f"findings_{at}", "Broken promises", ["structure", "promise", "what", "primitives", "rays", "case file"], rows))
+            rows = [
+                [f.get("structure"), f.get("check"), f.get("what"), f.get("primitives"), f.get("rays"), f.get("file")]
+                for f in broken
+            ]
+            tables.append(
+                Table(
+                    f"findings_{at}",
+                    "Broken promises",
+                    ["structure", "promise", "what", "primitives", "rays", "case file"],
+                    rows,
+                )
+            )
         if folder.promises:
-            tables.append(Table(f"promises_{at}", "Every promise", ["structure", "promise", "outcome"], [list(p) for p in folder.promises]))
+            tables.append(
+                Table(
+                    f"promises_{at}",
+                    "Every promise",
+                    ["structure", "promise", "outcome"],
+                    [list(p) for p in folder.promises],
+                )
+            )
         rows = [[s.get("structure"), s.get("cases"), s.get("rays"), s.get("left_out")] for s in info["structures"]]
         tables.append(Table(f"fuzzed_{at}", "Structures", ["structure", "cases", "rays", "left out"], rows))
-        found.append(Section(f"fuzz_{at}" if at else "fuzz", f"{kind}: {folder.shown}", kind.split()[0], says, [], tables))
+        found.append(
+            Section(f"fuzz_{at}" if at else "fuzz", f"{kind}: {folder.shown}", kind.split()[0], says, [], tables)
+        )
     return found
 
 

@@ -38,17 +38,32 @@ def sections(report, folders):
     lost = broken.drop_duplicates(["run", "scene", "spec"])
     says = [
         f"{rows['rays'].sum():,.0f} answers of {len(trees)} trees were judged, every one: "
-        + ("all trees kept what they claim." if lost.empty else f"{len(lost)} of {len(trees)} trees broke what they claim.")
+        + (
+            "all trees kept what they claim."
+            if lost.empty
+            else f"{len(lost)} of {len(trees)} trees broke what they claim."
+        )
     ]
     if any(folder.info.get("interrupted") for folder in folders):
         says.append("Interrupted: what is missing was not judged.")
     heads = ["scene", "structure", "claims", "rays", "query", "judged", *ERRORS, "kept"]
     listed = [
-        [r.label, r.spec, r.claim, r.ray_set, r.query, r.rays, *(getattr(r, e) for e in ERRORS), "yes" if r.held else "NO"]
+        [
+            r.label,
+            r.spec,
+            r.claim,
+            r.ray_set,
+            r.query,
+            r.rays,
+            *(getattr(r, e) for e in ERRORS),
+            "yes" if r.held else "NO",
+        ]
         for r in pd.concat([broken, rows[rows["held"] != 0]]).itertuples()
     ]
     tables = [Table("verify_rows", "Every tree and ray set", heads, listed)]
-    return [Section("verify", "Verification: does a structure lose rays?", "Verify", says, verdicts.charts(rows), tables)]
+    return [
+        Section("verify", "Verification: does a structure lose rays?", "Verify", says, verdicts.charts(rows), tables)
+    ]
 
 
 KIND = Kind("verify", "verdicts.csv", "raybench verify", read, sections)

@@ -58,7 +58,9 @@ def _title(report):
     if not report.runs:
         return "raybench: " + ", ".join(folder.shown for folder in report.others)
     scenes = report.scenes
-    return "raybench: " + (", ".join(scenes) if len(scenes) <= 4 else f"{', '.join(scenes[:3])} and {len(scenes) - 3} more scenes")
+    return "raybench: " + (
+        ", ".join(scenes) if len(scenes) <= 4 else f"{', '.join(scenes[:3])} and {len(scenes) - 3} more scenes"
+    )
 
 
 def _code(text):
@@ -78,7 +80,10 @@ def cell(value):
 def library():
     """Vega, Vega-Lite and Vega-Embed as one script, from vl-convert. It takes seconds to put together, so it is kept in
     raybench's cache."""
-    base = os.environ.get("RAYBENCH_CACHE") or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "raybench"
+    base = (
+        os.environ.get("RAYBENCH_CACHE")
+        or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "raybench"
+    )
     kept = Path(base) / "page" / f"vega-{vl_convert.__version__}.js"
     if kept.is_file():
         return kept.read_bytes()
@@ -174,7 +179,9 @@ def _facts(folder):
     libraries = {k: v.get("version", "") if isinstance(v, dict) else v for k, v in info.get("libraries", {}).items()}
     if isinstance(info.get("libraries", {}).get("embree"), dict):
         embree = info["libraries"]["embree"]
-        libraries["embree"] = f"{embree.get('version', '')} ({embree.get('instruction_set', '')}, {embree.get('tasking', '')})"
+        libraries["embree"] = (
+            f"{embree.get('version', '')} ({embree.get('instruction_set', '')}, {embree.get('tasking', '')})"
+        )
     memory = machine.get("memory_bytes")
     if isinstance(timing, dict):
         known = {k.replace("_", " "): v for k, v in timing.items() if k != "engine_remarks" and v not in ([], None)}
@@ -208,7 +215,12 @@ def _licences(report):
     rows = []
     for folder in report.runs:
         for scene in folder.info.get("scenes", []):
-            row = (scene.get("scene"), (scene.get("triangles") or 0) + (scene.get("procedural") or 0), scene.get("source"), scene.get("licence"))
+            row = (
+                scene.get("scene"),
+                (scene.get("triangles") or 0) + (scene.get("procedural") or 0),
+                scene.get("source"),
+                scene.get("licence"),
+            )
             if row not in rows:
                 rows.append(row)
     return rows

@@ -146,7 +146,8 @@ class Charts {
     const apart = chart.resolve.scale && chart.resolve.scale.y === "independent";
     const margin = names ? Math.min(limit, longest * 6.6) + 14 : 58;
     const fit = apart || !names ? Math.floor((room + GAP) / (NARROWEST + margin + GAP)) : Math.floor((room - margin + GAP) / (NARROWEST + GAP));
-    const columns = Math.max(1, Math.min(panels.length, fit, 3));
+    const across = Math.max(1, Math.min(panels.length, fit, 3));
+    const columns = panels.length === 4 && across === 3 ? 2 : across;
     const each = apart || (!names && columns > 1) ? (room - GAP * (columns - 1)) / columns - margin : (room - margin - GAP * (columns - 1)) / columns;
     const width = Math.max(120, Math.min(names ? 620 : 560, Math.floor(each) - 14));
     theme.header.labelLimit = width + margin - 10;
