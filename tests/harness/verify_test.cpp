@@ -9,6 +9,7 @@
 #include <set>
 #include <thread>
 
+#include "harness/plan/plan.h"
 #include "harness/rays/aim.h"
 #include "harness/verify/ledger.h"
 #include "tests/support/command.h"
