@@ -114,7 +114,8 @@ class WatertightLeafTest {
     const D x0 = ToDouble(s.x[0]), x1 = ToDouble(s.x[1]), x2 = ToDouble(s.x[2]), y0 = ToDouble(s.y[0]),
             y1 = ToDouble(s.y[1]), y2 = ToDouble(s.y[2]), z0 = ToDouble(s.z[0]), z1 = ToDouble(s.z[1]),
             z2 = ToDouble(s.z[2]);
-    const D u = x2 * y1 - y2 * x1, v = x0 * y2 - y0 * x2, w = x1 * y0 - y1 * x0, zero{};
+    const D zero{};  // added, it makes +0 of -0, as there
+    const D u = x2 * y1 - y2 * x1 + zero, v = x0 * y2 - y0 * x2 + zero, w = x1 * y0 - y1 * x0 + zero;
     const D det = u + v + w;
     const auto outside =
         (((u < zero) | (v < zero) | (w < zero)) & ((u > zero) | (v > zero) | (w > zero))) | (det == zero);
