@@ -18,7 +18,7 @@ def best(report):
 
     speed      relative to the anchor on the same rays, or rays per second where there is no anchor
     lead       the fastest's speed over the next one's
-    sure       their intervals do not overlap
+    sure       whether their intervals are apart; None where there are none
     """
     if not report.runs:
         return pd.DataFrame()
@@ -47,9 +47,21 @@ def _best_of(here):
         "run": first.run, "label": first.label, "rays_label": first.rays_label, "query": first.query, "ray_set": first.ray_set,
         "first": first.spec, "rate": first.rate, "claim": first.claim, "errors": first.errors,
         "second": second.spec if second else None, "lead": first.speed / second.speed if second else np.nan,
-        "sure": bool(second and first.slow > second.quick), "safe": safe.spec if safe else None,
+        "sure": _apart(first, second), "safe": safe.spec if safe else None,
         "safe_rate": safe.rate if safe else np.nan, "safe_part": safe.speed / first.speed if safe else np.nan,
     }  # fmt: skip
+
+
+def _apart(first, second):
+    """Whether the intervals of the first two are apart; None where there is no interval, or no second."""
+    if second is None or pd.isna(first.slow) or pd.isna(second.quick):
+        return None
+    return bool(first.slow > second.quick)
+
+
+def first_clause(note):
+    """Why something was refused, without the ray that shows it."""
+    return note.partition("; ray ")[0]
 
 
 def sentences(report, found):
@@ -58,7 +70,11 @@ def sentences(report, found):
         return []
     if found.empty:
         return [("speed", "Nothing has a time, so nothing can be called fast: the table below says why.")]
-    said = [("speed", _fastest(found, report)), ("safe", _safe(report, found)), ("correct", _correct(report))]
+    said = [
+        ("speed", _fastest(found, report)),
+        ("safe", _safe(report, found)),
+        ("refused" if (report.cases["status"] == "refused").any() else "correct", _correct(report)),
+    ]
     if text := _builds(report):
         said.append(("build", text))
     if text := _pays(report):
@@ -94,10 +110,12 @@ def _fastest(found, report):
         )
     pairs = found[found["lead"].notna()]
     if len(pairs):
-        unsure = (~pairs["sure"]).sum()
-        if unsure == 0:
+        unsure, unknown = (pairs["sure"].eq(False)).sum(), pairs["sure"].isna().sum()
+        if unknown:
+            text += f" In {unknown} of {len(pairs)} pairs there are too few samples to say how sure that is."
+        if unsure == 0 and not unknown:
             text += " In every pair the intervals of the first two are apart."
-        else:
+        elif unsure:
             text += f" In {unsure} of {len(pairs)} pairs the intervals of the first two overlap: there they cannot be told apart."
     return text
 
@@ -132,7 +150,7 @@ def _correct(report):
     checked = queries["verified"].sum()
     if len(refused):
         names = "; ".join(
-            f"`{spec}` on `{label}`: {here['note'].iloc[0]}"
+            f"`{spec}` on `{label}`: {first_clause(here['note'].iloc[0])}"
             for (spec, label), here in refused.groupby(["spec", "label"], sort=False)
         )
         text = f"Refused, so without any time, because an answer broke what the structure claims: {names}."

@@ -110,7 +110,7 @@ def worst(statuses):
 def verdict(cases, queries):
     """What the tree claims and whether its answers kept it."""
     if (cases["status"] == "refused").any():
-        return f"REFUSED: {cases.loc[cases['status'] == 'refused', 'note'].iloc[0]}"
+        return f"REFUSED: {cases.loc[cases['status'] == 'refused', 'note'].iloc[0].partition('; ray ')[0]}"
     checked = queries[queries["verified"] > 0]
     if checked.empty:
         skipped = cases.loc[cases["status"] == "skipped", "note"]
