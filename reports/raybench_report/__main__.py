@@ -32,9 +32,11 @@ def main(argv=None):
 
 def _decide(argv):
     """`raybench check` and `raybench history`; their exit codes."""
-    from .decide import command, history  # scipy takes a while
-
-    return (command.main if argv[0] == "check" else history.main)(argv[1:])
+    if argv[0] == "check":  # scipy and ruptures take a while to import
+        from .decide import command as chosen
+    else:
+        from .decide import history as chosen
+    return chosen.main(argv[1:])
 
 
 def _report(argv):

@@ -42,7 +42,7 @@ def write_run(folder, change=None, sessions=1, slower=None, without_effect=(), s
                     sample_rows.append({
                         "case_id": row["case_id"], "scene": "soup", "structure": spec, "spec": spec, "ray_set": ray_set,
                         "query": query, "threads": 1, "sample": sample, "sequence": sample, "passes": 1,
-                        "rays": row["timed_rays"], "seconds": ns * 1.1e-9, "cpu_seconds": ns * 1e-9, "session": session,
+                        "rays": row["timed_rays"], "seconds": ns * 1.1e-9, "cpu_seconds": ns * 1e-9, "process": 0, "session": session,
                     })  # fmt: skip
     for name, table in (("cases.csv", rows), ("samples.csv", sample_rows)):
         lines = [",".join(table[0])] + [",".join(str(value) for value in row.values()) for row in table]

@@ -148,6 +148,15 @@ def test_what_is_slower_than_allowed_passes_no_more_often_than_said():
     assert passes <= stats.binom.ppf(0.999, 2 * DECISIONS, decision.FALSE_PASS_RATE)
 
 
+def test_interval_and_ranks_must_agree():
+    """18 of 45 pairs lie a little on one side of the tolerance, 27 far on the other: the ranks are certain, the median is
+    not."""
+    ratios = np.concatenate([np.linspace(-2e-3, -1e-3, 18), np.linspace(0.9, 1.1, 27)]).reshape(1, -1)
+    assert statistics.slower_p(ratios, 0)[0] < 1e-4
+    assert decision.look_at(ratios + TOLERANCE, [TOLERANCE], 1).verdict == decision.INCONCLUSIVE
+    assert decision.look_at(-ratios + TOLERANCE, [TOLERANCE], 1).verdict == decision.INCONCLUSIVE
+
+
 def test_too_few_pairs_decide_nothing():
     assert decision.decide(np.full((2, 19), 1.0), np.full(2, TOLERANCE)) is None
 
