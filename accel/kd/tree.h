@@ -137,7 +137,7 @@ inline void KdTree::Trace(const RayState<Test>& ray, rb_hit& best, Counter& coun
   float tnear, tfar;
   slab.Interval(cell_, tnear, tfar);
   counter.Bounds(1);
-  tnear = std::max(tnear, ray.BeginInParts()), tfar = std::min(tfar, best.t);
+  tnear = std::max(tnear, ray.query.ray.tnear), tfar = std::min(tfar, best.t);
   if (!(tnear <= tfar)) return;
   const KdNode* node = &nodes_[0];
   for (;;) {

@@ -25,10 +25,6 @@ struct RayState {
 
   /// What traversal asks where boxes hold parts of primitives (ray/bounds.h).
   SlabRay SlabOfParts() const { return slab.Widened(Test::kSlack); }
-  /// From where: a subnormal t may have been rounded up to tnear, behind the part where the ray goes on.
-  float BeginInParts() const {
-    return Test::kSlack == Slack::kNone ? query.ray.tnear : query.ray.tnear - 0x1p-148f;
-  }
 
   /// Takes triangle `prim` into `best` if it is hit and comes before it.
   bool Triangle(Vec3f p0, Vec3f p1, Vec3f p2, uint32_t prim, rb_hit& best) const {

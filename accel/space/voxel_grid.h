@@ -234,7 +234,7 @@ class VoxelGrid::Walker {
   bool Meets(const Bounds3& box, float& tnear, float& tfar) {
     counter_.Bounds(1);
     slab_.Interval(box, tnear, tfar);
-    tnear = std::max(tnear, ray_.BeginInParts()), tfar = std::min(tfar, best_.t);
+    tnear = std::max(tnear, ray_.query.ray.tnear), tfar = std::min(tfar, best_.t);
     return tnear <= tfar && tnear <= std::numeric_limits<float>::max();
   }
 

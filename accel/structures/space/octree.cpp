@@ -114,7 +114,7 @@ class Octree : public CenterStructure<Octree, OctreeNode> {
     const Float4 org{slab.org.x, slab.org.y, slab.org.z, 0};
     const Float4 inv_enter{slab.inv_near.x, slab.inv_near.y, slab.inv_near.z, 0};
     const Float4 inv_leave{slab.inv_far.x, slab.inv_far.y, slab.inv_far.z, 0};
-    const float tnear = ray.BeginInParts();
+    const float tnear = ray.query.ray.tnear;
 
     Entry stack[kStack], now;
     int top = 0;

@@ -125,7 +125,7 @@ class Quadtree : public CenterStructure<Quadtree, QuadtreeNode> {
     const int x = axes_[0], y = axes_[1], z = axes_[2];
     const unsigned signs = unsigned(slab.negative[x]) | unsigned(slab.negative[y]) << 1;
     const LaneXor<4> in_order{int(signs)};
-    const float tnear = ray.BeginInParts();
+    const float tnear = ray.query.ray.tnear;
 
     Entry stack[kStack], now;
     int top = 0;
