@@ -33,7 +33,7 @@ std::string ListOfChecks() {
 constexpr const char* kFooter = R"help(
 Who is asked: all, every structure; claims, trees that claim watertight or exact; own, structures of raybench itself that
 use its tests. A structure that claims inexact is held to the contract alone.
-A crash, a hang of 20 s (longer where the processor is busy) and 2 GiB of memory are findings, too: each case runs in a
+A crash, a hang of 20 s (120 s without computing) and 2 GiB of memory are findings, too: each case runs in a
 child process.
 
 Examples:

@@ -69,7 +69,7 @@ double Child::ProcessorSeconds() const {
 
 bool IsHung(double seconds, double processor_seconds, double limit) {
   if (seconds > 6 * limit) return true;
-  return seconds > limit && (processor_seconds > limit / 2 || processor_seconds < limit / 40);
+  return seconds > limit && processor_seconds > limit / 2;
 }
 
 SharedBytes::SharedBytes(size_t size) : size_(size) {

@@ -21,8 +21,8 @@ double SecondsNow();
 /// Processor time of this process so far.
 double ProcessorSeconds();
 
-/// Whether what has taken so long is not going to end: it has computed for half of `limit`, or it waits. On a
-/// machine with other work a process that gets little of the processor is given six times as long.
+/// Whether what has taken so long is not going to end: it has computed for half of `limit`. What waits, or gets
+/// little of a busy machine's processor, is given six times as long.
 bool IsHung(double seconds, double processor_seconds, double limit);
 
 /// Memory shared with children that are forked later, for `count` objects made with T(). Lives as long as the
