@@ -21,10 +21,10 @@ def run(command):
 
 
 def findings_of(folder):
-    """The findings of fuzz.json, those found first in front."""
+    """The findings of fuzz.json: those of the first case in front, of them the smallest (only a few are shrunk)."""
     file = folder / "fuzz.json"
     found = json.loads(file.read_text())["findings"] if file.is_file() else []
-    return sorted(found, key=lambda finding: finding["found_after_s"])
+    return sorted(found, key=lambda f: (f["case_index"], f["primitives"] + f["rays"]))
 
 
 def shown(finding):
