@@ -147,6 +147,44 @@ Scene Modify(const Modifier& modifier, const std::string& text, const LoadOption
   return scene;
 }
 
+/// What a name stands for: one of these.
+struct Named {
+  const Format* format = nullptr;
+  const Generator* generator = nullptr;
+  const Modifier* modifier = nullptr;
+  const ManifestEntry* model = nullptr;
+};
+
+/// Throws InputError: nothing is called like that.
+Named FindNamed(const std::string& name) {
+  // What ends like a file is one, whatever it begins like.
+  const std::filesystem::path path(name);
+  if (const Format* format = FindFormat(path)) return {.format = format};
+  const std::string stem = name.substr(0, name.find('('));
+  for (const Generator* generator : Generators())
+    if (stem == generator->name) return {.generator = generator};
+  for (const Modifier* modifier : Modifiers())
+    if (stem == modifier->name) return {.modifier = modifier};
+  for (const ManifestEntry& entry : Manifest())
+    if (stem == entry.name) {
+      if (stem != name) throw InputError(fmt::format("{}: a fetched model has no parameters", name));
+      return {.model = &entry};
+    }
+
+  std::error_code ignored;
+  if (std::filesystem::is_directory(path, ignored))
+    throw InputError(fmt::format("{}: is a directory; a file is needed ({})", name, Extensions()));
+  if (std::filesystem::exists(path, ignored))
+    throw InputError(fmt::format("{}: unknown format; allowed are files ending in {}", name, Extensions()));
+  std::vector<std::string_view> known;
+  for (const Modifier* modifier : Modifiers()) known.push_back(modifier->name);
+  for (const Generator* generator : Generators()) known.push_back(generator->name);
+  for (const ManifestEntry& entry : Manifest()) known.push_back(entry.name);
+  throw InputError(fmt::format(
+      "unknown scene '{}'{}: no file, generator, modifier or model of this name; see: raybench list scenes",
+      OneLine(name), DidYouMean(stem, known)));
+}
+
 }  // namespace
 
 std::vector<const Generator*> Generators() { return {std::begin(kAllGenerators), std::end(kAllGenerators)}; }
@@ -165,37 +203,20 @@ Scene LoadScene(const std::string& name, const LoadOptions& options) {
     if (options.progress) options.progress(1);
     return scene;
   };
-  // What ends like a file is one, whatever it begins like.
+  const Named named = FindNamed(name);
+  if (named.generator != nullptr) return told(Generate(*named.generator, ParseSpec(name), options));
+  if (named.modifier != nullptr) return told(Modify(*named.modifier, name, options));
+  if (named.model != nullptr) return told(LoadFetched(*named.model, options));
   const std::filesystem::path path(name);
-  if (const Format* format = FindFormat(path)) {
-    Scene scene = ReadModel(path, *format, options);
-    scene.name = path.filename().string();
-    scene.provenance.sha256 = Sha256OfFile(path);
-    return told(std::move(scene));
-  }
-  std::string stem = name.substr(0, name.find('('));
-  for (const Generator* generator : Generators())
-    if (stem == generator->name) return told(Generate(*generator, ParseSpec(name), options));
-  for (const Modifier* modifier : Modifiers())
-    if (stem == modifier->name) return told(Modify(*modifier, name, options));
-  for (const ManifestEntry& entry : Manifest())
-    if (stem == entry.name) {
-      if (stem != name) throw InputError(fmt::format("{}: a fetched model has no parameters", name));
-      return told(LoadFetched(entry, options));
-    }
+  Scene scene = ReadModel(path, *named.format, options);
+  scene.name = path.filename().string();
+  scene.provenance.sha256 = Sha256OfFile(path);
+  return told(std::move(scene));
+}
 
-  std::error_code ignored;
-  if (std::filesystem::is_directory(path, ignored))
-    throw InputError(fmt::format("{}: is a directory; a file is needed ({})", name, Extensions()));
-  if (std::filesystem::exists(path, ignored))
-    throw InputError(fmt::format("{}: unknown format; allowed are files ending in {}", name, Extensions()));
-  std::vector<std::string_view> known;
-  for (const Modifier* modifier : Modifiers()) known.push_back(modifier->name);
-  for (const Generator* generator : Generators()) known.push_back(generator->name);
-  for (const ManifestEntry& entry : Manifest()) known.push_back(entry.name);
-  throw InputError(fmt::format(
-      "unknown scene '{}'{}: no file, generator, modifier or model of this name; see: raybench list scenes",
-      OneLine(name), DidYouMean(stem, known)));
+void CheckSceneName(const std::string& name) {
+  if (const Generator* g = FindNamed(name).generator)
+    Configure(g->name, {g->params, g->param_count}, g->config_size, ParseSpec(name).values);
 }
 
 }  // namespace raybench

@@ -213,6 +213,9 @@ std::vector<const Modifier*> Modifiers();
 /// around any of these, also nested ("subdivide(bunny,levels=2)"). `Scene::name` is its canonical spelling.
 /// Throws InputError: missing, unknown format, broken, not fetched.
 Scene LoadScene(const std::string& name, const LoadOptions& options = {});
+/// Throws as LoadScene() does where it can be told without loading anything: unknown names and formats, a generator's
+/// parameters. Whether a file is there, and what is inside a modifier's parentheses, only loading tells.
+void CheckSceneName(const std::string& name);
 
 /// ".obj", ".off", ...: what the readers take.
 std::vector<std::string> SceneFileEndings();

@@ -14,7 +14,6 @@
 #include "accel/base/hash.h"
 #include "accel/host/names.h"
 #include "accel/host/parameters.h"
-#include "datasets/models/manifest.h"
 #include "datasets/scene/scene.h"
 #include "datasets/scene/text.h"
 
@@ -186,35 +185,13 @@ class Reader {
   void AddScenes(Suite& suite, const toml::node& node, const std::string& key) {
     for (const std::string& name : Specs(node, key)) {
       try {
-        CheckScene(name);
+        CheckSceneName(name);
       } catch (const InputError& error) {
         Fail(node, key, error.what());
       }
       if (!scenes_.insert(name).second) Fail(node, key, fmt::format("'{}' is given twice", name));
       suite.scenes.push_back(name);
     }
-  }
-
-  /// As far as can be told without loading it. Files are looked at when their turn comes.
-  static void CheckScene(const std::string& name) {
-    const std::vector<std::string> endings = SceneFileEndings();
-    if (std::any_of(endings.begin(), endings.end(), [&](const std::string& e) { return name.ends_with(e); }))
-      return;
-    const std::string stem = name.substr(0, name.find('('));
-    for (const Generator* g : Generators())
-      if (stem == g->name) {
-        Configure(g->name, {g->params, g->param_count}, g->config_size, ParseSpec(name).values);
-        return;
-      }
-    for (const Modifier* m : Modifiers())
-      if (stem == m->name) return;
-    for (const ManifestEntry& entry : Manifest())
-      if (name == entry.name) return;
-    std::vector<std::string_view> known;
-    for (const Generator* g : Generators()) known.push_back(g->name);
-    for (const ManifestEntry& entry : Manifest()) known.push_back(entry.name);
-    throw InputError(fmt::format("unknown scene '{}'{}; see: raybench list scenes", OneLine(name),
-                                 DidYouMean(stem, known)));
   }
 
   void AddStructures(Suite& suite, const toml::node& node, const std::string& key) {
