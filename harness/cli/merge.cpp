@@ -24,7 +24,7 @@ int MergeFolders(const MergeArguments& arguments) {
   for (const auto& folder : merged.folders) {
     if (merged.folders.size() > 1) fmt::print("machine {}\n\n", folder.filename().string());
     fmt::print("{}", FormatTable(ReadCases(folder)));
-    fmt::print("cases   {0}/cases.csv\nsamples {0}/samples.csv\nplots   raybench report {0}\n",
+    fmt::print("cases   {0}/cases.csv\nsamples {0}/samples.csv\nreport  raybench report {0}\n",
                folder.string());
   }
   if (merged.folders.size() > 1) fmt::print("{} machines, which are kept apart\n", merged.folders.size());

@@ -22,6 +22,13 @@ bool Entrant::AllDone(const ResultFolder& results) const {
                      [&](const PlannedCase& c) { return results.Has(c.key.Id()); });
 }
 
+bool Entrant::MayHaveDigest(const std::string& digest) const {
+  return std::all_of(build_values.begin(), build_values.end(), [&](const auto& build) {
+    const Row& row = build.second;
+    return !row.Has(column::tree_digest) || row.Get(column::tree_digest) == digest;
+  });
+}
+
 void Entrant::SetTreeValues(const TreeStatistics& s, std::optional<double> overlap,
                             std::optional<double> tightness) {
   for (auto& [threads, values] : build_values) {

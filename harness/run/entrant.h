@@ -44,6 +44,8 @@ struct Entrant {
   /// Whether it answers some query of the set.
   bool Answers(size_t set) const;
   bool AllDone(const ResultFolder& results) const;
+  /// Whether what is known of its trees is of one with this TreeDigest(), or of one that shows no nodes.
+  bool MayHaveDigest(const std::string& digest) const;
 
   /// Figures of the tree, for all builds that are known to make it.
   void SetTreeValues(const TreeStatistics& s, std::optional<double> overlap, std::optional<double> tightness);

@@ -28,8 +28,8 @@ namespace {
 
 constexpr const char* kAllInvalid = "all rays of the set are invalid";
 
-/// Whether a tree that was built again is the one that an earlier session judged, as far as that can be told
-/// without judging it again: structures promise it, or on one thread leave no choice.
+/// Whether a tree that was built again can be the one that an earlier session judged: structures promise it, or on
+/// one thread leave no choice. Where nodes are shown, Judge() looks whether it is.
 bool SameTree(const Row& known, const Row& now, const Tree& tree, uint32_t threads) {
   return ((tree.structure().capabilities & RB_DETERMINISTIC) != 0 || threads == 1) &&
          known.Get(column::claim) == now.Get(column::claim) &&
@@ -426,6 +426,7 @@ bool SceneRun::Judge(Entrant& entrant) {
   if (oracle_ == nullptr) AskForTruth();
   schedule_.Begin(Work::kTree, spec, "reading " + spec);
   std::optional<std::string> known;
+  entrant.recalled = entrant.recalled && entrant.MayHaveDigest(TreeDigest(entrant.tree));
   if (entrant.recalled) known = recall_.Tree(entrant);
   std::string flaw = known.value_or("");
   if (!known) {

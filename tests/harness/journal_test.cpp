@@ -11,6 +11,7 @@
 #include "accel/base/random.h"
 #include "harness/measure/statistics.h"
 #include "harness/results/times.h"
+#include "harness/run/entrant.h"
 #include "tests/support/files.h"
 
 namespace raybench {
@@ -97,6 +98,16 @@ TEST_F(SweepsJournal, ABrokenLineIsNamed) {
     EXPECT_NE(std::string(error.what()).find("s.jsonl: line 4 is no record"), std::string::npos)
         << error.what();
   }
+}
+
+TEST(SweepsEntrant, AVerdictIsThatOfATreeWithTheSameNodes) {
+  Entrant entrant;
+  entrant.build_values[1][column::claim] = "watertight";
+  EXPECT_TRUE(entrant.MayHaveDigest("0123456789abcdef")) << "nothing is known";
+  entrant.build_values[2][column::tree_digest] = "0123456789abcdef";
+  EXPECT_TRUE(entrant.MayHaveDigest("0123456789abcdef"));
+  EXPECT_FALSE(entrant.MayHaveDigest("fedcba9876543210"));
+  EXPECT_FALSE(entrant.MayHaveDigest(""));
 }
 
 TEST(SweepsStatistics, AWeightedMedianHasHalfOfTheWeightOnEachSide) {

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from raybench_report import results
 from raybench_report.__main__ import main
 from raybench_report.decide import pairs, samples
 
@@ -83,11 +84,11 @@ def test_a_structure_that_is_new_or_timed_on_other_rays_is_left_out_and_said():
 
 
 def test_files_are_named_without_their_folders_unless_that_mixes_them_up():
-    assert samples.short_names(["/a/x.ply", "soup(file=a/b)"]) == {
+    assert results.short_names(["/a/x.ply", "soup(file=a/b)"]) == {
         "/a/x.ply": "x.ply",
         "soup(file=a/b)": "soup(file=a/b)",
     }
-    assert samples.short_names(["/a/x.ply", "/b/x.ply"]) == {"/a/x.ply": "/a/x.ply", "/b/x.ply": "/b/x.ply"}
+    assert results.short_names(["/a/x.ply", "/b/x.ply"]) == {"/a/x.ply": "/a/x.ply", "/b/x.ply": "/b/x.ply"}
 
 
 def test_all_ray_sets_of_a_structure_are_a_comparison_of_their_own():

@@ -15,6 +15,7 @@
 #include "accel/host/registry.h"
 #include "accel/structures/library/embree.h"
 #include "datasets/scene/scene.h"
+#include "tests/tools/tool.h"
 #include "tracer/rays/ray_set.h"
 
 namespace raybench {
@@ -110,11 +111,4 @@ int Main(int argc, char** argv) {
 }  // namespace
 }  // namespace raybench
 
-int main(int argc, char** argv) {
-  try {
-    return raybench::Main(argc, argv);
-  } catch (const std::exception& e) {
-    fmt::print(stderr, "contract_cost: {}\n", e.what());
-    return 2;
-  }
-}
+int main(int argc, char** argv) { return raybench::RunTool("contract_cost", raybench::Main, argc, argv); }

@@ -15,6 +15,7 @@
 
 #include "accel/base/random.h"
 #include "harness/rays/ray_sets.h"
+#include "tests/tools/tool.h"
 
 namespace raybench {
 namespace {
@@ -188,11 +189,4 @@ int Main(int argc, char** argv) {
 }  // namespace
 }  // namespace raybench
 
-int main(int argc, char** argv) {
-  try {
-    return raybench::Main(argc, argv);
-  } catch (const std::exception& e) {
-    fmt::print(stderr, "interleaved_speed: {}\n", e.what());
-    return 2;
-  }
-}
+int main(int argc, char** argv) { return raybench::RunTool("interleaved_speed", raybench::Main, argc, argv); }

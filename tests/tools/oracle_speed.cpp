@@ -11,6 +11,7 @@
 #include "accel/host/registry.h"
 #include "harness/rays/from_inside.h"
 #include "harness/truth/oracle.h"
+#include "tests/tools/tool.h"
 
 namespace raybench {
 namespace {
@@ -58,11 +59,4 @@ int Main(int argc, char** argv) {
 }  // namespace
 }  // namespace raybench
 
-int main(int argc, char** argv) {
-  try {
-    return raybench::Main(argc, argv);
-  } catch (const std::exception& e) {
-    fmt::print(stderr, "oracle_speed: {}\n", e.what());
-    return 2;
-  }
-}
+int main(int argc, char** argv) { return raybench::RunTool("oracle_speed", raybench::Main, argc, argv); }
