@@ -13,10 +13,11 @@
 //
 // Robustness. The test accepts rays that pass a triangle within 6 u |p-o| + 6 u E of a point q of it
 // (ray/bounds.h). q lies in one of the parts, so each part's box is padded as much as the whole triangle's,
-// by 16 u E, after rounding outward; then that part's leaf is visited, and nothing is lost. But no leaf's box
-// holds every t that rounding can give: where float puts t outside of the part, another hit may come first
-// that brute force finds to lie behind it. Under `watertight` ids may then differ from those of other
-// structures, within the test's own error; under `double` and `exact`, whose t is right, they do not.
+// by 16 u E, after rounding outward; then that part's leaf is visited, and nothing is lost. Traversal widens the
+// intervals of parts at both ends (ray/bounds.h). A ray that all but lies in the triangle's plane may get a t
+// further off than that: then another hit may come first that brute force finds to lie behind it, and under
+// `watertight` ids may differ from those of other structures, within the test's own error; under `double` and
+// `exact`, whose t is right, they do not.
 //
 // Invariants: the leaves that reference a primitive cover it together; no leaf references one twice;
 // references number at most (1 + split_budget) times the primitives; depth stays below the traversal stack's.

@@ -120,14 +120,17 @@ def read_info(path):
     return info
 
 
+def short_names(scenes):
+    """{scene: name}: files without their folders; as they are where that would mix scenes up."""
+    short = {scene: scene if "(" in scene else os.path.basename(scene) for scene in scenes}
+    return short if len(set(short.values())) == len(short) else {scene: scene for scene in scenes}
+
+
 def _with_labels(cases):
-    names = cases["scene"].unique()
-    short = {name: os.path.basename(name) if "(" not in name else name for name in names}
-    unique = len(set(short.values())) == len(names)
     order = cases["order"].map({"shuffled": ", shuffled"}).fillna("")
     query = cases["query"].map({"any": " (any hit)"}).fillna("")
     return cases.assign(
-        label=cases["scene"].map(short) if unique else cases["scene"],
+        label=cases["scene"].map(short_names(cases["scene"].unique())),
         rays_label=cases["ray_set"] + order + query,
         threads_label=cases["threads"].map(
             lambda n: "" if pd.isna(n) else "1 thread" if n == 1 else f"{n:.0f} threads"

@@ -1,7 +1,6 @@
 """Times of result folders, as decisions use them: one value for each comparison and each process."""
 
 import csv
-import os
 from dataclasses import dataclass
 from statistics import median
 
@@ -41,15 +40,15 @@ ALL_SETS = "all ray sets"
 
 
 def read_cases(folder):
-    """cases.csv, after run.json has been found to be of this format, with scenes as short_names() has them. Throws
-    RunError."""
+    """cases.csv, after run.json has been found to be of this format. Scenes are called as short_names() does, so that
+    the worktrees of two commits have scenes of the same name. Throws RunError."""
     results.read_info(folder / "run.json")
     cases = results.read_table(folder / "cases.csv")
-    return cases.assign(scene=cases["scene"].map(short_names(cases["scene"].unique())))
+    return cases.assign(scene=cases["scene"].map(results.short_names(cases["scene"].unique())))
 
 
 def read_rows(folder):
-    """cases.csv row by row, every field as text, with scenes as short_names() has them. Columns may be fewer than this
+    """cases.csv row by row, every field as text, with scenes as read_cases() has them. Columns may be fewer than this
     raybench knows, or more: another version may have written it. Throws RunError."""
     results.read_info(folder / "run.json")
     rows = _rows(folder / "cases.csv")
@@ -58,15 +57,8 @@ def read_rows(folder):
         raise results.RunError(f"{folder / 'cases.csv'}: missing columns: {', '.join(sorted(absent))}")
     if any(None in row or None in row.values() for row in rows):
         raise results.RunError(f"{folder / 'cases.csv'}: a line has more or fewer fields than the first")
-    names = short_names(dict.fromkeys(row["scene"] for row in rows))
+    names = results.short_names(dict.fromkeys(row["scene"] for row in rows))
     return [{**row, "scene": names[row["scene"]]} for row in rows]
-
-
-def short_names(scenes):
-    """{scene: name}: files without their folders, so that the worktrees of two commits have scenes of the same name;
-    as they are where that would mix scenes up."""
-    short = {scene: scene if "(" in scene else os.path.basename(scene) for scene in scenes}
-    return short if len(set(short.values())) == len(short) else {scene: scene for scene in scenes}
 
 
 def comparison_of(row):
