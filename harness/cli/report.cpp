@@ -14,9 +14,9 @@ struct ReportArguments {
 
 void AddOptions(CLI::App& command, ReportArguments& arguments) {
   command
-      .add_option(
-          "dirs", arguments.folders,
-          "Result folders of run, verify, extremes, fuzz or check-plugin; several runs stand side by side")
+      .add_option("dirs", arguments.folders,
+                  "Result folders of run, verify, extremes, fuzz, check-plugin or check, or the store of "
+                  "history add; several runs stand side by side")
       ->required()
       ->type_name("DIR");
   command

@@ -86,8 +86,8 @@ std::string MissingPython(const std::string& python) {
 bool PythonWorks(const std::string& python, const fs::path& reports) {
   return RunProgram({python, "-c",
                      "import raybench_report, sys; from importlib.util import find_spec\n"
-                     "sys.exit(not all(map(find_spec, ['jinja2', 'matplotlib', 'pandas', 'ruptures', "
-                     "'scipy', 'vl_convert'])))"},
+                     "sys.exit(not all(map(find_spec, ['PIL', 'jinja2', 'pandas', 'ruptures', 'scipy', "
+                     "'vl_convert'])))"},
                     PythonPath(reports), true) == 0;
 }
 

@@ -51,7 +51,7 @@ def _report(argv):
         metavar="DIR",
         nargs="+",
         type=Path,
-        help="what run, verify, extremes, fuzz or check-plugin wrote with --out",
+        help="what run, verify, extremes, fuzz, check-plugin or check wrote with --out, or the store of history add",
     )
     parser.add_argument(
         "-o", "--out", metavar="FILE", type=Path, help="the page; default: report.html in the first DIR"

@@ -163,7 +163,7 @@ def text(report, one, other, found, run):
                 what = PARTS.get(largest, "time per each visit, test and byte")
                 share = 100 * g.parts[largest] / (a - b)
                 lines.append(
-                    f"    {'more than all' if share > 100 else 'most'} of it: {what}, {share:.0f} % of the gap"
+                    f"    {'more than all of it' if share > 100 else 'the largest part'}: {what}, {share:.0f} % of the gap"
                 )
     return "\n".join(lines) + "\n"
 

@@ -52,7 +52,7 @@ def select(report, chart):
 def specification(chart, rows):
     """The chart in Vega-Lite, one column of a paper wide."""
     names = chart.height is None
-    longest = max((len(str(s)) for s in rows["spec"]), default=0) if "spec" in rows else 0
+    longest = max((len(str(s)) for s in rows[vega.rows_field(chart.panel)]), default=0) if names else 0
     width = COLUMN - (min(110, 4.6 * longest) + 14 if names else 44) - 8
     panel = json.loads(re.sub(r", (left|right|down) is \w+", "", json.dumps(chart.panel)))  # short titles fit a column
     panel |= {"width": width, "height": {"step": STEP} if names else round(0.5 * chart.height)}

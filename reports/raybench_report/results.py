@@ -126,6 +126,13 @@ def short_names(scenes):
     return short if len(set(short.values())) == len(short) else {scene: scene for scene in scenes}
 
 
+def rays_label(ray_set, order, query):
+    """A ray set as shown: with its order where shuffled, and with its query where any hit ends it; `build` for builds."""
+    if query == "build":
+        return "build"
+    return ray_set + (", shuffled" if order == "shuffled" else "") + (" (any hit)" if query == "any" else "")
+
+
 def _with_labels(cases):
     order = cases["order"].map({"shuffled": ", shuffled"}).fillna("")
     query = cases["query"].map({"any": " (any hit)"}).fillna("")

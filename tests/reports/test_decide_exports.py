@@ -130,7 +130,8 @@ def test_a_history_keeps_machines_apart_and_its_page_names_the_commit_of_a_chang
     assert sorted(len(entries) for entries in found.values()) == [1, 12]
     assert main(["history", "trend", f"--store={store}"]) == 0
     page = (store / "trend.html").read_text()
-    assert "+20.0 % at c008" in page and "another &lt;CPU&gt;" in page and page.count("% at ") == 3
+    assert "most by +20.0 % at <code>c008</code>" in page and "another &lt;CPU&gt;" in page
+    assert page.count("<td>+20.0 %</td>") == 3 and "fewer than 6" in page
 
 
 def test_no_history_is_told_in_one_line(tmp_path, capsys):

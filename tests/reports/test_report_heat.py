@@ -1,14 +1,17 @@
 """Sheets of heat maps on small made-up maps: one scale for all, sizes, texts that fit, and what unfit input is told."""
 
 import json
+import shutil
 from itertools import combinations
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from PIL import Image
+from playwright.sync_api import sync_playwright
 from raybench_report import heat, heat_sheet
 from raybench_report.__main__ import main
 
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 SPECS = ["bvh_sah", "bvh_sah(numerics=fast)", "grid(resolution_x=35,insertion=bounds)", "kdtree", "octree", "lbvh", "x"]
 
 
@@ -25,109 +28,93 @@ def make_folder(folder, specs=("bvh_sah", "bvh_sah(numerics=fast)"), size=(64, 4
             np.save(folder / f"{k}_{kind}.npy", (counts * (k + 1)).astype(np.uint32))
         maps.append({"spec": spec, "steps": f"{k}_steps.npy", "prims": f"{k}_prims.npy"})
     maps += [{"spec": spec, "why_not": "cannot count"} for spec in silent]
-    plt.imsave(folder / "picture.png", noise.random((height, width, 3)))
+    Image.fromarray(noise.integers(0, 256, (height, width, 3), np.uint8)).save(folder / "picture.png")
     (folder / "heat.json").write_text(json.dumps({"scene": "/models/a$b$.obj", "picture": "picture.png", "maps": maps}))
     return folder
 
 
-def panels(figure):
-    """The axes that show maps, by title and row from the top."""
-    return [axis for axis in figure.axes if axis.images and "\n" in axis.get_title(loc="left")]
-
-
-def drawn_texts(figure):
-    texts = list(figure.texts)
-    for axis in figure.axes:
-        low, high = axis.get_ylim()
-        ticks = zip(axis.get_yticks(), axis.get_yticklabels(), strict=True)
-        texts += [axis._left_title, axis.yaxis.label, *(label for place, label in ticks if low <= place <= high)]
-    return [text for text in texts if text.get_text() and text.get_visible()]
+def words(sheet):
+    return " ".join(" ".join(text["lines"]) for text in sheet.texts)
 
 
 def test_a_sheet_is_drawn_and_its_panels_differ(tmp_path):
     folder, out = make_folder(tmp_path / "maps"), tmp_path / "sheet.png"
     assert main(["heat", str(folder), "--out", str(out)]) == 0
     assert [path.name for path in tmp_path.iterdir() if path.is_file()] == ["sheet.png"]  # nothing temporary left
-    pixels = plt.imread(out)
-    figure = heat_sheet.sheet(heat.read(folder))
-    width, height = figure.get_size_inches() * heat_sheet.DPI
-    assert pixels.shape[:2] == (round(height), round(width))
-    shown = []
-    for axis in panels(figure):
-        box = axis.get_position()
-        rows = slice(round((1 - box.y1) * height), round((1 - box.y0) * height))
-        shown.append(pixels[rows, round(box.x0 * width) : round(box.x1 * width)])
-    assert len(shown) == 4
+    pixels, sheet = np.asarray(Image.open(out)).astype(int), heat_sheet.sheet(heat.read(folder))
+    assert pixels.shape == (sheet.height, sheet.width, 3)
+    shown = [pixels[y : y + h, x : x + w] for x, y, w, h, _ in sheet.images]
+    assert len(shown) == 5
     for one, other in combinations(shown, 2):
-        rows, columns = (min(a, b) for a, b in zip(one.shape[:2], other.shape[:2], strict=True))
-        difference = np.abs(one[:rows, :columns] - other[:rows, :columns]).mean()
-        same = np.array_equal(one[:rows, :columns], other[:rows, :columns])
-        assert not same and difference > 0.01
-    plt.close(figure)
+        assert np.abs(one - other).mean() > 2
+    # a pixel of a map is a square of its colour
+    x, y, w, h, painted = sheet.images[1]
+    assert w % 64 == 0 and np.array_equal(shown[1][:: h // 48, :: w // 64], painted)
+    assert (pixels == 0).any() or pixels.min() < 60  # there is text
 
 
 def test_equal_colours_are_equal_counts_in_all_panels_of_a_row(tmp_path):
     maps = heat.read(make_folder(tmp_path, SPECS[:3]))
-    figure = heat_sheet.sheet(maps)
-    for kind, axes in (("steps", panels(figure)[:3]), ("prims", panels(figure)[3:])):
-        limits = {axis.images[0].get_clim() for axis in axes}
-        assert len(limits) == 1
+    sheet = heat_sheet.sheet(maps)
+    for kind, images, (*_, scale, _) in zip(("steps", "prims"), (sheet.images[1:4], sheet.images[4:]), sheet.bars, strict=True):
         counts = np.concatenate([m[kind].ravel() for m in maps.counted.values()])
-        low, high = limits.pop()
-        assert low == 0 and high == np.ceil(np.percentile(counts, 99.9)) < counts.max()
-        colours = [axis.images[0].to_rgba(np.array([[20.0]])) for axis in axes]
-        assert all(np.array_equal(colours[0], colour) for colour in colours)
-    plt.close(figure)
+        assert scale.top == np.ceil(np.percentile(counts, 99.9)) < counts.max() and scale.clipped
+        colours = np.concatenate([painted.reshape(-1, 3) for *_, painted in images])
+        for count in (20, 60):
+            assert len(np.unique(colours[counts == count], axis=0)) == 1
+        assert len(np.unique(colours, axis=0)) > 50
 
 
 def test_titles_say_mean_and_maximum_and_the_rest_is_said_in_words(tmp_path):
     maps = heat.read(make_folder(tmp_path))
-    figure = heat_sheet.sheet(maps)
+    sheet = heat_sheet.sheet(maps)
     steps = maps.maps["bvh_sah"]["steps"]
-    assert panels(figure)[0].get_title(loc="left") == f"bvh_sah\nmean {steps.mean():.1f}, max 1,800"
-    words = " ".join(" ".join(text.get_text().split()) for text in drawn_texts(figure))
+    assert ["bvh_sah", f"mean {steps.mean():.1f}, max 1,800"] in [text["lines"] for text in sheet.texts]
+    said = words(sheet) + " ".join(" ".join(label) for *_, label in sheet.bars)
     for expected in ("a$b$.obj: what", "64 × 48 camera rays", "traversal steps per ray", "primitive tests per ray",
                      "99.9th percentile", "embree is not shown: it cannot count."):  # fmt: skip
-        assert expected in words
-    assert "/models" not in words
-    plt.close(figure)
+        assert expected in said
+    assert "/models" not in heat_sheet.svg(sheet)
 
 
-@pytest.mark.parametrize("kinds", [("steps",), ("steps", "prims")])
-@pytest.mark.parametrize(
-    ("count", "size"), [*((n, (96, 48)) for n in (1, 2, 4, 6, 7)), (1, (900, 100)), (3, (900, 100)), (2, (16, 40))]
-)
-def test_no_text_touches_another_or_leaves_the_sheet(tmp_path, count, size, kinds):
-    figure = heat_sheet.sheet(heat.read(make_folder(tmp_path, SPECS[:count], size)), kinds)
-    figure.canvas.draw()
-    whole = figure.bbox
-    boxes = [(text.get_text(), text.get_window_extent()) for text in drawn_texts(figure)]
-    for name, box in boxes:
-        assert box.x0 >= 0 and box.y0 >= 0 and box.x1 <= whole.x1 and box.y1 <= whole.y1, name
-    for (name, box), (other_name, other) in combinations(boxes, 2):
-        apart = box.x1 <= other.x0 or other.x1 <= box.x0 or box.y1 <= other.y0 or other.y1 <= box.y0
-        assert apart, (name, other_name)
-    for name, box in boxes:
-        for axis in panels(figure):
-            panel = axis.get_window_extent()
-            apart = (box.x1 <= panel.x0 or panel.x1 <= box.x0
-                     or box.y1 <= panel.y0 + 1 or panel.y1 - 1 <= box.y0)  # fmt: skip
-            assert apart, name
-    assert len(panels(figure)) == count * len(kinds)
-    plt.close(figure)
+SHEETS = [*((n, (96, 48)) for n in (1, 2, 4, 6, 7)), (1, (900, 100)), (3, (900, 100)), (2, (16, 40))]
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no chromium here (Debian's package)")
+def test_no_text_touches_another_or_a_panel_or_leaves_the_sheet(tmp_path):
+    boxes_of = """svg => [null, ...svg.querySelectorAll("text, image.panel")].map(e => {
+        const b = (e || svg).getBoundingClientRect(), o = svg.getBoundingClientRect();
+        return [e ? e.tagName : "svg", e ? e.textContent : "", b.left - o.left, b.top - o.top, b.right - o.left, b.bottom - o.top];
+    })"""
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        page = browser.new_page()
+        for at, (count, size) in enumerate(SHEETS):
+            maps = heat.read(make_folder(tmp_path / str(at), SPECS[:count], size))
+            for kinds in (("steps",), ("steps", "prims")):
+                page.set_content(heat_sheet.svg(heat_sheet.sheet(maps, kinds)))
+                (_, _, *whole), *boxes = page.evaluate(f"({boxes_of})(document.querySelector('svg'))")
+                assert len([box for box in boxes if box[0] == "image"]) == 1 + count * len(kinds)
+                for one, other in combinations(boxes, 2):
+                    (_, a, *p), (_, b, *q) = one, other
+                    apart = p[2] <= q[0] + 1 or q[2] <= p[0] + 1 or p[3] <= q[1] + 3 or q[3] <= p[1] + 3
+                    assert apart, (count, size, kinds, a, b, p, q)
+                for _, text, left, top, right, bottom in boxes:
+                    assert left >= 0 and top >= 0 and right <= whole[2] and bottom <= whole[3], (count, size, text)
+        browser.close()
 
 
 def test_the_scale_is_logarithmic_where_one_structure_costs_far_more_or_on_demand():
+    scale = lambda maps, kind="auto": heat_sheet.Scale(*heat.scale_of(maps, kind))
     cheap, dear = np.full((4, 4), 30, np.uint32), np.full((4, 4), 60_000, np.uint32)
     cheap[0, 0] = 0
-    linear, _ = heat_sheet.norm([cheap, cheap * 2])
-    assert not isinstance(linear, heat_sheet.colors.FuncNorm) and linear.vmax == 60
-    log, clipped = heat_sheet.norm([cheap, dear])
-    assert isinstance(log, heat_sheet.colors.FuncNorm) and not clipped
-    assert float(log(0)) == 0 and float(log(60_000)) == 1 and 0.3 < float(log(30)) < 0.35
-    assert isinstance(heat_sheet.norm([cheap], "log")[0], heat_sheet.colors.FuncNorm)
-    assert not isinstance(heat_sheet.norm([cheap, dear], "linear")[0], heat_sheet.colors.FuncNorm)
-    assert heat_sheet.norm([cheap * 0])[0].vmax == 1
+    linear = scale([cheap, cheap * 2])
+    assert not linear.log and linear.top == 60 and linear.ticks() == [0, 10, 20, 30, 40, 50, 60]
+    log = scale([cheap, dear])
+    assert log.log and not log.clipped and log.ticks() == [0, 10, 100, 1000, 10_000]
+    assert float(log.shares(0)) == 0 and float(log.shares(60_000)) == 1 and 0.3 < float(log.shares(30)) < 0.35
+    assert scale([cheap], "log").log and not scale([cheap, dear], "linear").log
+    assert scale([cheap * 0]).top == 1 and scale([cheap * 0]).ticks() == [0, 1]
 
 
 def spoil_missing_folder(folder):

@@ -1,4 +1,4 @@
-"""Folders of extremes, verify, crossings, fuzz and check-plugin on the page."""
+"""Folders of extremes, verify, crossings, fuzz, check-plugin, check and history on the page."""
 
 import csv
 import json
@@ -9,7 +9,7 @@ from made_up import full_run, write_run
 from raybench_report import columns, figures, report, results
 from raybench_report.__main__ import main
 from raybench_report.charts import extremes as charts
-from raybench_report.kinds import all_kinds, extremes
+from raybench_report.kinds import all_kinds, check, extremes, history
 from test_report_page import made
 
 PARAMS = {
@@ -224,12 +224,90 @@ def test_fuzzing_and_the_contract_of_a_plugin(tmp_path):
     assert main([str(tmp_path / "p")]) == 2
 
 
+def write_check(directory, verdict="fail", comparisons=40, differences=1, **changes):
+    """A folder of check: as many comparisons, of which the first is slower than allowed where it fails."""
+    directory.mkdir(parents=True, exist_ok=True)
+    rows = [
+        {"name": f"soup / s{i} / camera", "scene": "soup", "structure": f"s{i}", "ray_set": "camera", "order": "traced",
+         "query": "closest", "threads": 1, "tolerance": 0.02, "verdict": verdict if i == 0 else "pass",
+         "log_ratio": 0.05 if i == 0 else -0.001 * i, "lo": 0.04 if i == 0 else -0.05, "hi": 0.06 if i == 0 else 0.01}
+        for i in range(comparisons)
+    ]  # fmt: skip
+    differ = [{"case": f"soup / s{i} / camera", "figure": "steps", "old": 10, "new": 11, "change": 0.1} for i in range(differences)]
+    info = {
+        "format": 1, "verdict": verdict, "exact": {"cases": 7, "differences": differ}, "seconds": 3.0,
+        "time": {"pairs": 45, "unit": "pairs", "comparisons": rows}, "notes": ["a <note>"], "commands": ["old run", "new run"],
+    }  # fmt: skip
+    (directory / "check.json").write_text(json.dumps(info | changes))
+    return directory
+
+
+def test_a_check_says_its_verdict_first_and_shows_the_worst(tmp_path):
+    folder = write_check(tmp_path / "c")
+    text = made(folder, out=tmp_path / "page.html")
+    answer = text[text.index('<li class="refused">') : text.index("</li>")]
+    assert "fail. One exact figure differs in 7 cases; of 40 times, over 45 pairs, 1 are slower than allowed, 39 are not" in answer
+    assert "<code>soup / s0 / camera</code>, +5.13 % [+4.08 %, +6.18 %]" in answer
+    assert '<td class="bad">FAIL</td>' in text and "<td>+10 %</td>" in text and "a &lt;note&gt;" in text and "<code>new run</code>" in text
+    found = report.read([folder], all_kinds())
+    worst, everything = check.sections(found, found.others)[0].charts
+    assert len(worst.rows) == 30 < len(everything.rows) == 40
+    row = worst.rows.iloc[0]
+    assert row["spec"] == "s0" and row["slower"] == pytest.approx(5.127, abs=1e-3) and row["allowed"] == 2
+    assert figures.drawn(everything, everything.rows).startswith("<svg")
+
+
+def test_a_check_without_times_or_without_a_decision_says_so(tmp_path):
+    text = made(write_check(tmp_path / "e", "pass", 0, 0), out=tmp_path / "e.html")
+    assert '<li class="correct">' in text and "All exact figures are the same in 7 cases; no times were compared" in text
+    folder = write_check(tmp_path / "u", "inconclusive", 2, 0)
+    info = json.loads((folder / "check.json").read_text())
+    for row in info["time"]["comparisons"]:
+        row |= {"verdict": "inconclusive", "log_ratio": None, "lo": None, "hi": None}
+    (folder / "check.json").write_text(json.dumps(info))
+    text = made(folder, out=tmp_path / "u.html")
+    assert '<li class="neutral">' in text and "2 are undecided" in text and "The worst" not in text
+    for spoilt, says in (({"format": 9}, "format 9"), ({"verdict": "maybe"}, "maybe"), ({"time": None}, "not what")):
+        assert main([str(write_check(tmp_path / "u", **spoilt))]) == 2, says
+
+
+def write_history(store, days=24, slower=1.2):
+    """A store of one machine: `own` becomes slower on the tenth day, `library` stays."""
+    for day in range(days):
+        own = 100 * (slower if day >= 9 else 1) * (1 + 0.002 * (day % 3))
+        cases = [
+            {"case": ["soup", spec, "camera", "traced", "closest", 1], "ns": ns, "lo": ns * 0.99, "hi": ns * 1.01, "anchor_ns": 50.0}
+            for spec, ns in (("own", own), ("library", 50.0))
+        ]
+        entry = {"format": 1, "started": f"2026-01-{day + 1:02}T00:00:00Z", "commit": f"c{day + 1:03}", "fingerprint": "ab" * 8,
+                 "cpu": "a <CPU>", "cases": cases}  # fmt: skip
+        path = store / entry["fingerprint"] / f"2026-01-{day + 1:02}T00-00-00Z-c{day + 1:03}.json"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(entry))
+    return store
+
+
+def test_a_history_names_the_commit_of_a_change_and_draws_levels(tmp_path):
+    store = write_history(tmp_path / "store")
+    text = made(store, out=tmp_path / "page.html")
+    assert "24 runs, 1 of 2 cases changed level, most by +20.0 % at <code>c010</code>" in text and "a &lt;CPU&gt;" in text
+    found = report.read([store], all_kinds())
+    ((chart,),) = [section.charts for section in history.sections(found, found.others)]
+    own = chart.rows[chart.rows["spec"] == "own"]
+    assert own["case"].iloc[0] == chart.rows["case"].iloc[0] == "own · camera · soup"  # what changed comes first
+    assert list(own["level"].round(2).unique()) == [2.0, 2.4] and own["lo"].iloc[0] == pytest.approx(1.98)
+    assert set(chart.rows.loc[chart.rows["spec"] == "library", "value"]) == {50}  # the anchor itself: in ns
+    short = made(write_history(tmp_path / "short", 3), out=tmp_path / "short.html")
+    assert "3 runs, fewer than 6, so no change can be told from noise" in short
+
+
 def test_folders_of_every_kind_fit_on_one_page(folder, tmp_path):
     run = write_run(tmp_path / "run", full_run())
-    text = made(run, folder, write_verify(tmp_path / "v"), write_fuzz(tmp_path / "f"), out=tmp_path / "page.html")
+    others = [write_verify(tmp_path / "v"), write_fuzz(tmp_path / "f"), write_check(tmp_path / "c"), write_history(tmp_path / "h")]
+    text = made(run, folder, *others, out=tmp_path / "page.html")
     places = [
         text.index(f'<section id="{name}"')
-        for name in ("structures", "speed", "verify", "extremes", "fuzz", "rays", "machine")
+        for name in ("structures", "speed", "verify", "extremes", "fuzz", "check", "history", "rays", "machine")
     ]
     assert places == sorted(places)
 

@@ -128,7 +128,7 @@ def _suite(rows, suite, kinds):
     kept = [*columns, "structure", "note", "shown", "seen", "share", "panel", "at"]
     return Chart(
         f"extremes_{suite['name']}", suite["name"].replace("_", " "), suite["doc"], panel, long[kept], columns, facet="panel",
-        height=170, notes=_notes(suite, rows), resolve={"scale": {"y": "independent"}, "axis": {"x": "independent"}},
+        height=170, most=64, notes=_notes(suite, rows), resolve={"scale": {"y": "independent"}, "axis": {"x": "independent"}},
         spans={} if linear or zeros else {"x": {"of": ["at"], "factor": 1}},
     )  # fmt: skip
 

@@ -26,6 +26,7 @@ class Chart:
     resolve  Vega-Lite's, where panels do not share their scales
     spans    what logarithmic axes show, for their ticks: {"x": {"of": columns, "factor": what they are multiplied by}}
     step     pixels a row, where y is a list of names
+    most     panels drawn at once; the page's filters choose others
     """
 
     name: str
@@ -37,6 +38,7 @@ class Chart:
     facet: str | None = "label"
     single: str | None = None
     step: int = 20
+    most: int = 6
     height: int | None = None
     notes: list = field(default_factory=list)
     resolve: dict = field(default_factory=dict)
@@ -86,6 +88,11 @@ def names(column="spec", order=None, offset=None):
         "axis": {"grid": True, "ticks": False, "domain": False, "labelPadding": 6},
     }  # fmt: skip
     return {"y": y} | ({"yOffset": {"field": offset, "type": "nominal"}} if offset else {})
+
+
+def rows_field(panel):
+    """The column that names the rows of a panel whose y is a list of names."""
+    return next(layer["encoding"]["y"]["field"] for layer in panel.get("layer", [panel]) if "y" in layer["encoding"])
 
 
 def number(column, title, log=True, **more):

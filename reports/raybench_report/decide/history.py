@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 from .. import results
-from . import exports, samples, trend
+from . import exports, samples
 
 FORMAT = 1
 
@@ -29,7 +29,7 @@ def main(argv):
     if arguments.command == "add":
         print(f"{add(arguments.folder, arguments.store, arguments.commit)}")
     elif arguments.command == "trend":
-        print(f"{trend.write(read(arguments.store), arguments.store / 'trend.html')}")
+        print(f"{_draw(arguments.store)}")
     else:
         text = json.dumps(exports.FORMATS[arguments.format](arguments.folder), indent=1) + "\n"
         if arguments.out:
@@ -37,6 +37,17 @@ def main(argv):
         else:
             print(text, end="")
     return 0
+
+
+def _draw(store):
+    """Writes STORE/trend.html, the report of the store, and returns its path."""
+    from .. import page, report
+    from ..kinds import history as kind
+
+    read(store)  # says how to begin one where there is none
+    found = report.read([store], [kind.KIND])
+    page.write(store / "trend.html", found, kind.sections(found, found.others))
+    return store / "trend.html"
 
 
 def fingerprint(machine):

@@ -8,18 +8,26 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 
+GOOD, BAD, NEUTRAL = "correct", "refused", "neutral"
+
+
 @dataclass
 class Section:
-    """A part of the page: a heading, sentences, charts, tables, and perhaps a template of its own in page/parts/."""
+    """A part of the page: a heading, sentences, charts, tables, and perhaps a template of its own beside the page's.
+
+    nav     a short title for the row of links
+    answer  what stands at the top of the page: (its colour there: GOOD, BAD or NEUTRAL, sentence)
+    """
 
     name: str
     title: str
-    nav: str = ""  # a short title for the row of links
+    nav: str = ""
     says: list = field(default_factory=list)
     charts: list = field(default_factory=list)
     tables: list = field(default_factory=list)
     template: str | None = None
     data: dict = field(default_factory=dict)
+    answer: tuple | None = None
 
 
 @dataclass
@@ -34,7 +42,7 @@ class Table:
 
 @dataclass
 class Kind:
-    """marker   the file by which such a folder is known
+    """marker   the file by which such a folder is known; a pattern as of Path.glob()
     command  what leaves it
     read     folder → object with `directory`, to which `shown` is added; throws RunError
     sections (report, folders of this kind) → [Section]
@@ -49,11 +57,11 @@ class Kind:
 
     def holds(self, directory: Path):
         """Whether the folder is one of these."""
-        return (directory / self.marker).is_file()
+        return any(directory.glob(self.marker))
 
 
 def all_kinds():
     """In the order in which folders are tried and sections stand."""
-    from . import crossings, extremes, fuzz, run, verify
+    from . import check, crossings, extremes, fuzz, history, run, verify
 
-    return [run.KIND, verify.KIND, crossings.KIND, extremes.KIND, fuzz.KIND]
+    return [run.KIND, verify.KIND, crossings.KIND, extremes.KIND, fuzz.KIND, check.KIND, history.KIND]

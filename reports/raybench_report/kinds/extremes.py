@@ -7,7 +7,7 @@ import pandas as pd
 
 from ..charts import extremes as charts
 from ..results import RunError, read_info, read_table
-from . import Kind, Section, Table
+from . import BAD, GOOD, Kind, Section, Table
 
 
 @dataclass
@@ -45,15 +45,10 @@ def sections(report, folders):
         rows = folder.rows
         broken = rows[(rows["status"] == "broken") & (rows["in_range"] == 1)]
         refused = rows[rows["status"] == "refused"].drop_duplicates(["suite", "variant", "magnitude"])
-        says = [
-            f"{len(rows):,} points: {', '.join(f'{n} {status}' for status, n in rows['status'].value_counts().items())}. "
-            + (
-                "No claim was broken within the suites' ranges."
-                if broken.empty
-                else f"{len(broken)} claims were broken within the suites' ranges."
-            ),
-            "Each chart makes one thing worse from left to right; reports/EXTREMES.md explains each suite.",
-        ]
+        counted = ", ".join(f"{n:,} {status}" for status, n in rows["status"].value_counts().items())
+        lost = "No claim was broken" if broken.empty else f"{len(broken)} claims were broken"
+        answer = (GOOD if broken.empty else BAD, f"{len(rows):,} points: {counted}. {lost} within the suites' ranges.")
+        says = ["Each chart makes one thing worse from left to right; reports/EXTREMES.md explains each suite."]
         tables = []
         if len(broken):
             tables.append(Table(f"broken_{at}", "Broken claims", ["suite", "variant", "at", "structure", "what"],
@@ -66,7 +61,7 @@ def sections(report, folders):
         for chart in drawn if at else []:
             chart.name += f"_{at}"
         title = "Extremes: where answers begin to fail" + (f" ({folder.shown})" if len(folders) > 1 else "")
-        found.append(Section(name, title, "Extremes", says, drawn, tables))
+        found.append(Section(name, title, "Extremes", says, drawn, tables, answer=answer))
     return found
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from ..results import RunError, read_json
-from . import Kind, Section, Table
+from . import BAD, GOOD, Kind, Section, Table
 
 
 @dataclass
@@ -50,10 +50,11 @@ def sections(report, folders):
         info, broken = folder.info, folder.info["findings"]
         cases = sum(s.get("cases", 0) for s in info["structures"])
         kind = "Contract of a plugin" if folder.promises else "Fuzzing"
-        says = [
-            f"{cases:,} random cases with seed {info.get('seed')} in {info.get('seconds', 0):.3g} s over {len(info['structures'])} structures: "
-            + (f"{len(broken)} promises were broken." if broken else "no promise was broken.")
-        ]
+        lost = f"{len(broken)} promises were broken." if broken else "no promise was broken."
+        answer = (
+            BAD if broken else GOOD,
+            f"{cases:,} random cases with seed {info.get('seed')} in {info.get('seconds', 0):.3g} s over {len(info['structures'])} structures: {lost}",
+        )
         tables = []
         if broken:
             rows = [
@@ -79,9 +80,8 @@ def sections(report, folders):
             )
         rows = [[s.get("structure"), s.get("cases"), s.get("rays"), s.get("left_out")] for s in info["structures"]]
         tables.append(Table(f"fuzzed_{at}", "Structures", ["structure", "cases", "rays", "left out"], rows))
-        found.append(
-            Section(f"fuzz_{at}" if at else "fuzz", f"{kind}: {folder.shown}", kind.split()[0], says, [], tables)
-        )
+        name, title = f"fuzz_{at}" if at else "fuzz", f"{kind}: {folder.shown}"
+        found.append(Section(name, title, kind.split()[0], [], [], tables, answer=answer))
     return found
 
 

@@ -8,7 +8,7 @@ import pandas as pd
 
 from ..charts import verdicts
 from ..results import ERRORS, RunError, read_info, read_table
-from . import Kind, Section, Table
+from . import BAD, GOOD, Kind, Section, Table
 
 
 @dataclass
@@ -36,14 +36,9 @@ def sections(report, folders):
     broken = rows[rows["held"] == 0]
     trees = rows.drop_duplicates(["run", "scene", "spec"])
     lost = broken.drop_duplicates(["run", "scene", "spec"])
-    says = [
-        f"{rows['rays'].sum():,.0f} answers of {len(trees)} trees were judged, every one: "
-        + (
-            "all trees kept what they claim."
-            if lost.empty
-            else f"{len(lost)} of {len(trees)} trees broke what they claim."
-        )
-    ]
+    kept = "all trees kept what they claim." if lost.empty else f"{len(lost)} of {len(trees)} trees broke what they claim."
+    answer = (GOOD if lost.empty else BAD, f"{rows['rays'].sum():,.0f} answers of {len(trees)} trees were judged, every one: {kept}")
+    says = []
     if any(folder.info.get("interrupted") for folder in folders):
         says.append("Interrupted: what is missing was not judged.")
     heads = ["scene", "structure", "claims", "rays", "query", "judged", *ERRORS, "kept"]
@@ -61,9 +56,8 @@ def sections(report, folders):
         for r in pd.concat([broken, rows[rows["held"] != 0]]).itertuples()
     ]
     tables = [Table("verify_rows", "Every tree and ray set", heads, listed)]
-    return [
-        Section("verify", "Verification: does a structure lose rays?", "Verify", says, verdicts.charts(rows), tables)
-    ]
+    title = "Verification: does a structure lose rays?"
+    return [Section("verify", title, "Verify", says, verdicts.charts(rows), tables, answer=answer)]
 
 
 KIND = Kind("verify", "verdicts.csv", "raybench verify", read, sections)

@@ -42,6 +42,7 @@ def render(report, sections):
         title=_title(report),
         sections=sections,
         answers=answer.sentences(report, found),
+        others=[section for section in sections if section.answer],
         doubts=answer.doubts(report),
         matrix=_matrix(found, report),
         queries_count=len(report.queries) if report.runs else 0,
@@ -130,7 +131,7 @@ def _chart(chart):
     own = not isinstance(chart.rows, str)
     return {
         "name": chart.name, "title": chart.title, "says": chart.says, "panel": chart.panel, "facet": chart.facet,
-        "single": chart.single, "resolve": chart.resolve, "spans": chart.spans, "step": chart.step, "height": chart.height, "columns": chart.columns,
+        "single": chart.single, "resolve": chart.resolve, "spans": chart.spans, "step": chart.step, "most": chart.most, "height": chart.height, "columns": chart.columns,
         "rows": packed_columns(chart.rows) if own else chart.rows,
     }  # fmt: skip
 

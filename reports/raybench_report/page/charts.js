@@ -1,6 +1,5 @@
 // Charts: Vega-Lite panels as the report defines them, drawn in the reader's width, theme and filters.
 
-const MOST_PANELS = 6; // drawn at once; the filters choose others
 const NARROWEST = 230, GAP = 24; // pixels
 
 // Ticks of a logarithmic axis, as charts/vega.py has them: 1, 2, 5 in each decade, or powers of ten where those are too many.
@@ -99,7 +98,7 @@ class Charts {
     const place = chart.box.querySelector(".draw");
     const { rows, said } = this.chosen(chart);
     const all = chart.facet ? [...new Set(rows.map((row) => row[chart.facet]))] : [""];
-    const panels = chart.name.startsWith("extremes_") ? all : all.slice(0, MOST_PANELS);
+    const panels = all.slice(0, chart.most);
     if (panels.length < all.length) said.push(`Shown: ${panels.length} of ${all.length}; choose one above.`);
     chart.box.querySelector(".more").textContent = said.join(" ");
     if (chart.view) chart.view.finalize();
@@ -139,20 +138,25 @@ class Charts {
   spec(chart, rows, panels, room) {
     const theme = structuredClone(this.themes[theming()]);
     const names = !chart.height;
-    const longest = Math.max(...rows.map((row) => String(row.spec || "").length));
-    const limit = room < 500 ? 166 : 190;
+    const field = names && (chart.panel.layer || [chart.panel]).find((layer) => layer.encoding.y).encoding.y.field;
+    const longest = names ? rows.reduce((most, row) => Math.max(most, String(row[field] || "").length), 0) : 0;
+    const limit = room < 500 ? room / 2 : chart.facet ? 190 : 380;
     theme.axis.labelLimit = limit;
-    theme.legend.columns = Math.max(1, Math.floor(room / 190));
+    theme.legend.columns = Math.max(1, Math.floor(room / (room < 500 ? 160 : 190)));
     const apart = chart.resolve.scale && chart.resolve.scale.y === "independent";
     const margin = names ? Math.min(limit, longest * 6.6) + 14 : 58;
-    const fit = apart || !names ? Math.floor((room + GAP) / (NARROWEST + margin + GAP)) : Math.floor((room - margin + GAP) / (NARROWEST + GAP));
+    const fit = apart ? Math.floor((room + GAP) / (NARROWEST + margin + GAP)) : Math.floor((room - margin + GAP) / (NARROWEST + GAP));
     const across = Math.max(1, Math.min(panels.length, fit, 3));
     const columns = panels.length === 4 && across === 3 ? 2 : across;
-    const each = apart || (!names && columns > 1) ? (room - GAP * (columns - 1)) / columns - margin : (room - margin - GAP * (columns - 1)) / columns;
+    const each = apart ? (room - GAP * (columns - 1)) / columns - margin : (room - margin - GAP * (columns - 1)) / columns;
     const width = Math.max(120, Math.min(names ? 620 : 560, Math.floor(each) - 14));
     theme.header.labelLimit = width + margin - 10;
     theme.axisX.titleLimit = width + 20;
     const panel = { ...structuredClone(chart.panel), width, height: names ? { step: chart.step } : chart.height };
+    for (const layer of panel.layer || [panel]) {
+      const x = layer.encoding && layer.encoding.x; // a long title is cut, but on several lines it is not
+      if (x && typeof x.title === "string" && 6.4 * x.title.length > width) x.title = x.title.split(/ (?=\()/);
+    }
     for (const [axis, span] of Object.entries(chart.spans)) setTicks(panel, axis, logTicks(rows, span, axis === "x" ? width / 42 : chart.height / 30));
     const whole = { data: { name: "rows", values: rows.map((row) => ({ ...row })) }, config: theme, padding: 2 };
     if (!chart.facet) return { ...whole, ...panel };

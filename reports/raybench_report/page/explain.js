@@ -96,7 +96,7 @@ class Explain {
       const most = Object.keys(parts).reduce((x, y) => (parts[y] / gap > parts[x] / gap ? y : x));
       const share = 100 * parts[most] / gap;
       said.push(most === "rest"
-        ? `Counts do not explain most of it: what differs is the ${names.rest}.`
+        ? `Counts explain ${share >= 99.5 ? "nothing" : `${figure(100 - share, 2)} %`} of the difference; the rest is ${names.rest}.`
         : `${share > 100.5 ? "More than all" : share > 99.5 ? "Nearly all" : `${figure(share, 2)} %`} of the difference is ${names[most]}: ${figure(a[most], 3)} a ray against ${figure(b[most], 3)}.`);
     } else if (!parts) {
       const silent = [a, b].filter((c) => !known(c.steps)).map((c) => c.spec);
@@ -124,9 +124,12 @@ class Explain {
 
   bar(parts, names) {
     const sum = Object.values(parts).reduce((s, v) => s + Math.abs(v), 0) || 1;
+    const room = document.getElementById("explanation").clientWidth;
     return element("div", { class: "bar", role: "img", "aria-label": Object.entries(parts).map(([k, v]) => `${names[k]}: ${signed(v)}`).join(", ") },
-      ...Object.entries(parts).filter(([, v]) => Math.abs(v) > 0).map(([name, v]) => element("span", { class: name, style: `flex:${Math.max(0.004, Math.abs(v) / sum)}`, title: `${names[name]}: ${signed(v)}` },
-        Math.abs(v) / sum > 0.12 ? `${name === "rest" ? "time per each" : names[name]} ${v < 0 ? "−" : ""}${Math.round(100 * Math.abs(v) / sum)} %` : "")));
+      ...Object.entries(parts).filter(([, v]) => Math.abs(v) > 0).map(([name, v]) => {
+        const share = Math.abs(v) / sum, text = `${name === "rest" ? "time per each" : names[name]} ${v < 0 ? "−" : ""}${Math.round(100 * share)} %`;
+        return element("span", { class: name, style: `flex:${Math.max(0.004, share)}`, title: `${names[name]}: ${signed(v)}` }, 7.5 * text.length < share * room ? text : "");
+      }));
   }
 }
 

@@ -110,7 +110,13 @@ class Pictures {
     }
     document.getElementById("boxes").hidden = !scene.trees || !scene.trees.length;
     if (scene.trees && scene.trees.length) {
+      const first = !this.boxes.tree.value;
       options(this.boxes.tree, scene.trees.map((t) => [t.spec, t.spec]), this.boxes.tree.value);
+      if (first) { // the whole says nothing of a tree
+        const levels = scene.trees[0].levels.length;
+        this.boxes.level.max = String(levels - 1);
+        this.boxes.level.value = String(Math.min(4, Math.floor((levels - 1) / 2)));
+      }
       this.drawBoxes();
     }
   }

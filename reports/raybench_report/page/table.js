@@ -42,7 +42,7 @@ class DataTable {
     const value = this.value(row, column, anchor);
     if (!known(value)) return "–";
     if (column.key === "status" && row.status === "timed" && !row.note) return "–";
-    if (column.key === "status" && row.note) return `${value}: ${row.note}`;
+    if (column.key === "status" && row.status !== "skipped" && row.note) return `${value}: ${row.note}`; // why it was skipped stands above
     if (column.kind === "text") return String(value);
     if (column.kind === "share") return value === 0 ? "0" : `${Number((100 * value).toPrecision(2))} %`;
     if (column.kind === "count") return Math.round(value).toLocaleString("en-US");
@@ -78,7 +78,7 @@ class DataTable {
     };
     return element(
       "th",
-      { scope: "col", class: numeric ? "number" : null, "aria-sort": mine ? (sorting.down ? "descending" : "ascending") : null, title: column.help || null },
+      { scope: "col", class: [numeric ? "number" : "", column.paper ? "" : "screen"].filter(Boolean).join(" ") || null, "aria-sort": mine ? (sorting.down ? "descending" : "ascending") : null, title: column.help || null },
       element("button", { type: "button", onclick: click, "data-sort": column.key }, column.head, mine ? (sorting.down ? " ↓" : " ↑") : ""),
     );
   }
@@ -101,8 +101,8 @@ class DataTable {
     }
     const numeric = column.kind !== "text";
     const long = column.kind === "text" && text.length > 40;
-    const kinds = [numeric ? "number" : "", text === "–" ? "none" : "", long ? "wrap" : "", anchor && column.better ? "ratio" : ""].filter(Boolean).join(" ");
-    return element("td", { class: kinds || null }, text);
+    const kinds = [numeric ? "number" : "", column.paper ? "" : "screen", text === "–" ? "none" : "", long ? "wrap" : "", anchor && column.better ? "ratio" : ""].filter(Boolean).join(" ");
+    return element("td", { class: kinds || null, title: column.key === "status" && row.note ? row.note : null }, text);
   }
 
   render(limit = this.limit) {
