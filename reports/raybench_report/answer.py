@@ -8,6 +8,7 @@ import re
 import numpy as np
 import pandas as pd
 
+from .charts import overlap, runs
 from .results import ERRORS, NULL
 
 SAFE = ("watertight", "exact")  # claims that a run checks and that leave no room for a lost ray
@@ -75,13 +76,42 @@ def sentences(report, found):
         ("safe", _safe(report, found)),
         ("refused" if (report.cases["status"] == "refused").any() else "correct", _correct(report)),
     ]
+    if text := _changes(report):
+        said.insert(0, ("speed", text))
     if text := _builds(report):
         said.append(("build", text))
     if text := _pays(report):
         said.append(("pays", text))
+    if text := _overlap(report):
+        said.append(("overlap", text))
     if text := _slowest(report):
         said.append(("slow", text))
     return said
+
+
+def _changes(report):
+    """How each later run differs from the first, structure by structure."""
+    known = runs.ratios(report)
+    if known.empty:
+        return ""
+    said = []
+    for run, here in known.groupby("run", sort=False):
+        mean = np.exp(np.log(here["ratio"]).groupby(here["spec"]).mean()).sort_values()
+        apart = ((here["hi"] < 1) | (here["lo"] > 1)).groupby(here["spec"]).mean() > 0.5  # in most of its cases
+        moved = mean[apart[mean.index] & ((mean < 0.97) | (mean > 1.03))]
+        anchor = f", relative to `{here['anchor'].iloc[0]}` on the same rays" if here["anchor"].iloc[0] else ""
+        text = f"`{run}` against `{report.names[0]}`{anchor}, over {len(here)} cases: "
+        if moved.empty:
+            said.append(text + "no structure is faster or slower by more than 3 %, with intervals apart in most cases.")
+            continue
+        for word, those in (("faster", moved[moved < 1]), ("slower", moved[moved > 1].iloc[::-1])):
+            if len(those):
+                shown = ", ".join(f"`{spec}` ({value:.2f} times the time)" for spec, value in those.head(4).items())
+                text += f"{word} {shown}{' and others' if len(those) > 4 else ''}; "
+        rest = mean.drop(moved.index)
+        text += f"{len(rest)} others within {100 * np.expm1(np.abs(np.log(rest)).max()):.2g} %" if len(rest) else "no others"
+        said.append(text + ". Two runs that were not interleaved prove no small difference; `raybench check` does.")
+    return " ".join(said)
 
 
 def _fastest(found, report):
@@ -189,9 +219,10 @@ def _pays(report):
     camera = found[(found["rays_label"] == found["rays_label"].iloc[0]) & (found["rays"] > 0)] if len(found) else found
     if camera.empty:
         return ""
-    last = camera.groupby(["run", "label"]).tail(1)
+    last, several = camera.groupby(["run", "label"]).tail(1), len(report.runs) > 1
     parts = [
-        f"`{row.after}` from {count(row.rays)} {row.rays_label} rays on `{row.label}`{_rays_interval(row)}, before that `{row.before}`"
+        f"`{row.after}` from {count(row.rays)} {row.rays_label} rays on `{row.label}`{f' ({row.run})' if several else ''}"
+        f"{_rays_interval(row)}, before that `{row.before}`"
         for row in last.head(3).itertuples()
     ]
     return f"A dearer build pays: {'; '.join(parts)}."
@@ -201,6 +232,21 @@ def _rays_interval(row):
     if pd.isna(row.lo):
         return ""
     return f" [{count(row.lo)}, {count(row.hi) if np.isfinite(row.hi) else 'never'}]"
+
+
+def _overlap(report):
+    """When cells that do not overlap win over boxes that do."""
+    pairs = overlap.rows(report)
+    if pairs.empty or (won := pairs[pairs["ratio"] > 1]).empty:
+        return ""
+    top = won.loc[won["ratio"].idxmax()]
+    boxes = f"EPO {top['epo']:.3g}"
+    if pairs["label"].nunique() > 1 and top["epo"] == pairs["epo"].max():
+        boxes = f"where the BVH's boxes overlap most, {boxes}"
+    return (
+        f"A kd-tree, whose cells do not overlap, is faster than the fastest binary BVH in {len(won)} of {len(pairs)} pairs: at most "
+        f"{top['ratio']:.2g} times as fast, `{top['kdtree']}` for {top['rays_label']} rays on `{top['label']}` ({boxes})."
+    )
 
 
 def _slowest(report):
@@ -225,8 +271,8 @@ def doubts(report):
     for run in report.runs:
         for text in _doubts_of(run):
             said.setdefault(text, []).append(run.shown)
-    several = len(report.runs) > 1
-    return [f"{', '.join(names)}: {text}" if several else text for text, names in said.items()]
+    named = lambda names: "All runs: " if len(names) == len(report.runs) > 1 else f"{', '.join(names)}: "
+    return [(named(names) if len(report.runs) > 1 else "") + text for text, names in said.items()]
 
 
 def _doubts_of(run):

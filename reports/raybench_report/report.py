@@ -51,9 +51,9 @@ class Report:
         return timed(self.builds[self.builds["structure"] != NULL])
 
     @property
-    def offset(self):
-        """The column that tells several runs apart within a row of a chart."""
-        return "run" if len(self.runs) > 1 else None
+    def names(self):
+        """The runs as shown, in the order in which they were given."""
+        return [run.shown for run in self.runs]
 
     @cached_property
     def order(self):

@@ -98,7 +98,8 @@ def structures(report):
         rows.append(row)
     place = {spec: at for at, spec in enumerate(report.order)}
     scene = {label: at for at, label in enumerate(report.scenes)}
-    return pd.DataFrame(sorted(rows, key=lambda r: (scene[r["label"]], place[r["spec"]], r["run"])))
+    runs = {name: at for at, name in enumerate(report.names)}
+    return pd.DataFrame(sorted(rows, key=lambda r: (scene[r["label"]], place[r["spec"]], runs[r["run"]])))
 
 
 def worst(statuses):

@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 from made_up import case, full_run, samples_of, write_run
-from raybench_report import explain, report
+from raybench_report import answer, explain, report, tables
 from raybench_report.__main__ import main
-from raybench_report.charts import pays, predictors, runs, scaling
+from raybench_report.charts import overlap, pays, predictors, runs, scaling
 from raybench_report.kinds import all_kinds
 from raybench_report.results import RunError
 
@@ -80,6 +80,8 @@ def builders(noise=0.0, wide=0.0):
             }  # fmt: skip
             rows.append(case("bvh_sah", scene, "random", "closest", random.Random(i)) | changes)
             rows.append(case("bvh_sah", scene, "shadow.0", "any", random.Random(i)) | changes)
+        another = {"structure": "bvh_wide", "spec": "bvh_wide", "sah_cost": 1, "epo": 1, "lcv": 1}  # no binary tree
+        rows.append(case("bvh_sah", scene, "random", "closest", random.Random(9)) | another)
     return rows
 
 
@@ -143,11 +145,33 @@ def test_the_parts_add_up_to_the_gap_and_the_rest_is_what_each_costs_more(tmp_pa
     assert np.mean([gap.parts["rest"] for gap in explain.gaps(found, "grid", "bvh_sah", "run")]) > 100
 
 
+def test_what_a_structure_and_its_rays_pay_beside_counts_is_found(tmp_path):
+    """Times by the model: four structures, six ray sets; the grid pays 3 times as much as others, random rays twice."""
+    noise, rows = random.Random(9), [case("null", "s", "camera", "closest", random.Random(1), median_ns=2)]
+    for spec in ("bvh_sah", "grid", "bvh_sah(numerics=fast)", "brute"):
+        rows.append(case(spec, "s", "build", "build", noise))
+        for rays in ("camera", "random", "diffuse", "aimed", "reflection.1", "refraction.1"):
+            steps, prims = noise.uniform(5, 80), noise.uniform(2, 200)
+            ns = 2 + (3 if spec == "grid" else 1) * (2 if rays == "random" else 1) * (10 * steps + 3 * prims)
+            counts = {"steps": steps, "prims": prims, "bytes": 32 * steps + 40 * prims}
+            rows.append(case(spec, "s", rays, "closest", noise, median_ns=ns, **counts))
+    found = read(write_run(tmp_path / "run", rows))
+    price = explain.prices(found)["run", "s"]
+    assert price.structures["grid"] / price.structures["bvh_sah"] == pytest.approx(3)
+    assert price.rays["random"] / price.rays["camera"] == pytest.approx(2)
+    assert price.steps / price.prims == pytest.approx(10 / 3) and price.error < 1e-6
+    for gap in explain.gaps(found, "grid", "bvh_sah", "run"):
+        assert sum(gap.parts.values()) == pytest.approx(gap.ns[0] - gap.ns[1])
+        assert gap.parts["rest"] == pytest.approx(0, abs=1e-3)
+        work = [(gap.ns[0] - 2) / 3, gap.ns[1] - 2]  # at the prices of the others
+        assert gap.parts["each"] == pytest.approx(2 * sum(work) / 2, rel=1e-6)
+
+
 def test_explain_prints_and_refuses(tmp_path, capsys):
     folder = str(priced(tmp_path))
     assert main(["explain", "grid", "bvh_sah", folder, "--rays", "camera"]) == 0
     out = capsys.readouterr().out
-    assert "10 ns a visit and 3 ns a test" in out and "camera:" in out and "random:" not in out
+    assert "10 ns a visit and 3 ns a test" in out and "camera (prices times 1.00):" in out and "random" not in out
     for words, says in (
         (["grid", "mine"], "mine: not timed in this run; timed: "),
         (["grid", "bvh_sah", "--scene", "t"], "t: no such scene; there are: s"),
@@ -163,6 +187,24 @@ def test_what_cannot_count_is_not_split(tmp_path):
     assert gap.parts is None and np.isnan(gap.counts["steps"][0])
     with pytest.raises(RunError):
         explain.gaps(read(folder), "embree", "null", "run")
+
+
+def test_kd_trees_are_set_against_binary_bvhs_and_their_overlap(tmp_path):
+    noise, rows = random.Random(1), []
+    for scene, epo, times in (("soup", 40, (400, 100)), ("city", 2, (100, 200))):
+        for spec, ns, overlap_of in zip(("bvh_sah", "grid"), times, (epo, 0), strict=True):
+            changes = {"structure": "kdtree_sah", "spec": "kdtree_sah"} if spec == "grid" else {}
+            changes |= {"epo": overlap_of, "median_ns": ns, "lo_ns": 0.9 * ns, "hi_ns": 1.1 * ns}
+            rows.append(case(spec, scene, "camera", "closest", noise) | changes)
+        wide = {"structure": "bvh_wide", "spec": "bvh_wide", "epo": 1, "median_ns": 10}
+        rows.append(case("bvh_sah", scene, "camera", "closest", noise) | wide)  # no binary tree
+    found = read(write_run(tmp_path / "run", rows))
+    pairs = overlap.rows(found).set_index("label")
+    assert pairs.loc["soup", "ratio"] == pytest.approx(4) and pairs.loc["city", "ratio"] == pytest.approx(0.5)
+    assert pairs.loc["soup", "lo"] == pytest.approx(4 * 0.9 / 1.1) and set(pairs["bvh"]) == {"bvh_sah"}
+    assert "faster than the fastest binary BVH in 1 of 2 pairs: at most 4 times as fast, `kdtree_sah` for camera rays on `soup` (where" in (
+        " ".join(text for _, text in answer.sentences(found, answer.best(found)))
+    )
 
 
 def test_runs_are_compared_relative_to_their_anchors(tmp_path):
@@ -186,7 +228,14 @@ def test_runs_are_compared_relative_to_their_anchors(tmp_path):
             )
         return write_run(tmp_path / name, rows)
 
-    ratios = runs.ratios(read(anchored("before", 1, 1), anchored("after", 1.7, 1.1)))
+    found = read(anchored("before", 1, 1), anchored("after", 1.7, 1.1))
+    (text,) = [text for topic, text in answer.sentences(found, answer.best(found)) if "against" in text]
+    assert "`after` against `before`, relative to `embree`" in text and "slower `bvh_sah` (1.10 times the time); no others" in text
+    assert found.names == ["before", "after"]  # as given, not by alphabet
+    assert list(tables.structures(found)["run"]) == ["before", "after"] * 2
+    same = read(anchored("one", 1, 1), anchored("two", 1.7, 1.001))
+    assert "no structure is faster or slower" in " ".join(text for _, text in answer.sentences(same, answer.best(same)))
+    ratios = runs.ratios(found)
     assert list(ratios["spec"]) == ["bvh_sah"] and ratios["ratio"].iloc[0] == pytest.approx(1.1)
     assert ratios["lo"].iloc[0] == pytest.approx(1.1 * 0.99 / 1.01)
 

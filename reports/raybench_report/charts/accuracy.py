@@ -39,7 +39,24 @@ def rows(report):
                     "ns": np.average(one["median_ns"], weights=one["rays"]),
                 }
             )
-    return pd.DataFrame(found)
+    return _with_places(pd.DataFrame(found)) if found else pd.DataFrame()
+
+
+def _with_places(known):
+    """`name`: where the structure's name stands, so that two do not stand on each other: left or right of its dot, and
+    above or below where a neighbour's is near."""
+    x, y = np.log(known["shown"]), np.log(known["ns"])
+    left = x > x.min() + 0.6 * (x.max() - x.min())
+    near = 0.09 * (y.max() - y.min())
+    place = pd.Series("beside", known.index)
+    named = (known["wrong"] > 0) & (known["run"] == known["run"].iloc[0])  # other runs' dots lie beside
+    for _, here in known[named].groupby("label"):
+        order = y[here.index].sort_values().index
+        for below, above in zip(order, order[1:]):
+            if y[above] - y[below] < near:
+                place[above] = "above"
+                place[below] = "below" if place[below] == "beside" else place[below]
+    return known.assign(name=(np.where(left, "left ", "right ") + place).where(named, ""))
 
 
 def charts(report):
@@ -50,12 +67,7 @@ def charts(report):
     seen = ["measured", "none seen: at most (95 %)"]
     x = vega.number("shown", "share of wrong answers (log scale, left is better)")
     x["axis"] = {"labelExpr": "format(datum.value, '~%')", "values": [10.0**d for d in range(-7, 1)]}
-    # room for names on the right
-    x["scale"] = {
-        "type": "log",
-        "nice": False,
-        "domain": [known["shown"].min() / 2, min(1.0, known["shown"].max() * 30)],
-    }
+    x["scale"] = {"type": "log", "nice": False, "domain": [known["shown"].min() / 2, min(1.0, known["shown"].max() * 3)]}
     y = vega.number("ns", "ns per ray (log scale, down is faster)")
     panel = {
         "layer": [
@@ -89,11 +101,15 @@ def charts(report):
                     ("ns", "ns per ray", ",.4~g"),
                 ),
             },
-            {
-                "transform": [{"filter": "datum.wrong > 0"}],
-                "mark": {"type": "text", "align": "left", "dx": 7, "limit": 150, "style": "note"},
-                "encoding": {"x": x, "y": y, "text": {"field": "spec"}},
-            },
+            *(
+                {
+                    "transform": [{"filter": f"datum.name == '{side} {place}'"}],
+                    "mark": {"type": "text", "align": other, "dx": dx, "dy": dy, "limit": 150, "style": "note"},
+                    "encoding": {"x": x, "y": y, "text": {"field": "spec"}},
+                }
+                for side, other, dx in (("right", "left", 7), ("left", "right", -7))
+                for place, dy in (("above", -8), ("beside", 0), ("below", 8))
+            ),
         ]
     }
     return [

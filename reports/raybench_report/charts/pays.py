@@ -115,6 +115,7 @@ def charts(report):
     finite = points["rays"][points["rays"] > 0]
     last = min(MOST, max(7, int(np.ceil(np.log10(finite.max()))) + 1)) if len(finite) else 7
     rows = pd.concat([lines, points], ignore_index=True)
+    rows["place"] = rows["label"] if len(report.runs) == 1 else rows["label"] + " · " + rows["run"]
     rows["lo_shown"] = rows["lo"].clip(lower=10.0**FEWEST)
     rows["hi_shown"] = rows["hi"].clip(upper=10.0**last)
     colour = {
@@ -171,7 +172,7 @@ def charts(report):
             "break_even", "Total time: from how many rays a dearer build pays",
             "Lines: build and rays together, for each structure; dots: where another becomes the fastest.",
             panel, rows, ["run", "label", "rays_label", "kind", "spec", "build_ns", "ns", "before", "after", "rays", "lo", "hi"],
-            single="rays_label", height=260,
+            facet="place", single="rays_label", height=260,
             notes=[
                 "One thread builds and traces. Dots: from there on the next structure is the fastest in total; bars: "
                 "intervals of 95 % (bootstrap over samples). Grey: never the fastest."

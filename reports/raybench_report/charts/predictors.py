@@ -12,15 +12,20 @@ PREDICTORS = {"sah_cost": "SAH cost", "epo": "EPO", "lcv": "LCV"}
 LEAST = 4  # trees of a scene, and R² of fewer points than this says nothing
 
 
+def is_binary(cases):
+    """Which cases are of raybench's own binary BVHs of boxes."""
+    return cases["structure"].str.startswith("bvh_") & ~cases["structure"].isin(["bvh_wide", "bvh_sphere"])
+
+
 def comparable(report):
     """Closest-hit cases of trees that one traversal walks, with time and predictors relative to their scene's mean.
 
-    The structures named bvh_* that count in boxes, at their default arithmetic: nothing but the tree differs. Columns
-    besides those of the run: `time` and one for each predictor, 1 being the mean of that run, scene and ray set.
+    Binary BVHs of boxes at their default arithmetic: nothing but the tree differs. Columns besides those of the run:
+    `time` and one for each predictor, 1 being the mean of that run, scene and ray set.
     """
     cases = report.timed_queries
     cases = cases[
-        cases["structure"].str.startswith("bvh_")
+        is_binary(cases)
         & ~cases["spec"].str.contains("numerics=", regex=False)
         & (cases["query"] == "closest")
         & (cases["order"] != "shuffled")

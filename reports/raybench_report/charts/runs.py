@@ -48,7 +48,7 @@ def charts(report):
         "lo",
         "hi",
         f"time relative to {report.runs[0].shown} (log scale, left is faster)",
-        vega.names(order=report.order, offset="run" if len(report.runs) > 2 else None),
+        vega.names(order=report.order, runs=report.names[1:]),
         vega.series("rays_label", "rays", report.ray_sets),
         vega.tooltip(
             ("spec", "structure"),

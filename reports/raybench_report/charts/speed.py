@@ -12,10 +12,10 @@ TIMES = ["rays", "timed_rays", "samples", "median_ns", "lo_ns", "hi_ns", "rate",
 def charts(report):
     """The charts of one row a case."""
     found = [chart for chart in (_rates(report), _builds(report), _memory(report), *_work(report)) if chart]
-    if report.offset:
+    if len(report.runs) > 1:
         for chart in found:
             chart.notes.append(
-                f"Each structure has a row for each run, from the top: {', '.join(sorted(run.shown for run in report.runs))}."
+                f"Each structure has a row for each run, from the top: {', '.join(report.names)}."
             )
     return found
 
@@ -26,7 +26,7 @@ def _rates(report):
         return None
     panel = vega.intervals(
         "mrays", "mrays_lo", "mrays_hi", "million rays per second (log scale, right is faster)",
-        vega.names(order=report.order, offset=report.offset),
+        vega.names(order=report.order, runs=report.names),
         vega.series("rays_label", "rays", report.ray_sets),
         vega.tooltip(
             ("spec", "structure"), ("rays_label", "rays"), ("label", "scene"), ("run", "run"),
@@ -63,7 +63,7 @@ def _builds(report):
     counts = sorted(cases["threads_label"].unique(), key=lambda label: int(label.split()[0]))
     panel = vega.intervals(
         "ms", "lo", "hi", "time to build, ms (log scale, left is faster)",
-        vega.names(order=report.order, offset=report.offset),
+        vega.names(order=report.order, runs=report.names),
         vega.series("threads_label", "built by", counts),
         vega.tooltip(
             ("spec", "structure"), ("label", "scene"), ("run", "run"), ("threads", "threads"), ("ms", "ms", ".4~g"),
@@ -88,7 +88,7 @@ def _memory(report):
     if cases.empty:
         return None
     parts = ["nodes", "copied primitives"]
-    y = vega.names(order=report.order, offset=report.offset)
+    y = vega.names(order=report.order, runs=report.names)
     x = vega.number("bytes", "bytes per primitive", log=False)
     shown = vega.tooltip(
         ("spec", "structure"), ("label", "scene"), ("run", "run"), ("part", "part"), ("bytes", "bytes per primitive", ",.1f"),
@@ -150,7 +150,7 @@ def _work(report):
         panel = {
             "transform": [{"filter": f"isValid(datum.{column}) && datum.{column} > 0"}],
             "mark": {"type": "point"},
-            "encoding": vega.names(order=[s for s in report.order if s in set(counted["spec"])], offset=report.offset)
+            "encoding": vega.names(order=[s for s in report.order if s in set(counted["spec"])], runs=report.names)
             | vega.series("rays_label", "rays", report.ray_sets)
             | {"x": vega.number(column, f"{axis} (log scale)")}
             | vega.tooltip(

@@ -68,7 +68,7 @@ def config(theme):
         "legend": {
             "labelColor": text, "titleColor": faint, "labelFontSize": size, "titleFontSize": size,
             "titleFontWeight": "normal", "orient": "top", "direction": "horizontal", "labelLimit": 240,
-            "symbolSize": 30 if paper else 70, "columns": 4, "symbolOpacity": 1, "titleOrient": "top",
+            "symbolSize": 30 if paper else 70, "symbolBaseFillColor": text, "symbolBaseStrokeColor": text, "columns": 4, "symbolOpacity": 1, "titleOrient": "top",
         },
         "point": {"filled": True, "size": 18 if paper else 48, "opacity": 0.9, "color": text},
         "rule": {"color": faint},
@@ -81,13 +81,13 @@ def config(theme):
     }  # fmt: skip
 
 
-def names(column="spec", order=None, offset=None):
-    """y as a list of names, one row each."""
+def names(column="spec", order=None, runs=()):
+    """y as a list of names, one row each; of several runs, one row a run within each."""
     y = {
         "field": column, "type": "nominal", "title": None, "sort": order or "ascending",
         "axis": {"grid": True, "ticks": False, "domain": False, "labelPadding": 6},
     }  # fmt: skip
-    return {"y": y} | ({"yOffset": {"field": offset, "type": "nominal"}} if offset else {})
+    return {"y": y} | ({"yOffset": {"field": "run", "type": "nominal", "sort": list(runs)}} if len(runs) > 1 else {})
 
 
 def rows_field(panel):

@@ -3,7 +3,7 @@
 import pandas as pd
 
 from .. import answer, explain, pictures, results
-from ..charts import accuracy, pays, predictors, runs, scaling, speed
+from ..charts import accuracy, overlap, pays, predictors, runs, scaling, speed
 from . import Kind, Section, Table
 
 
@@ -25,7 +25,7 @@ def sections(report, folders):
             "What predicts the time of a tree?",
             "Predictors",
             [],
-            predictors.charts(report),
+            [*predictors.charts(report), *overlap.charts(report)],
             _predictors(report),
         ),
         Section("scaling", "Growth with the scene", "Scaling", [], scaling.charts(report), _exponents(report)),

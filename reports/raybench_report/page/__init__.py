@@ -164,6 +164,7 @@ def _matrix(found, report):
     if found.empty:
         return None
     runs = found["run"].unique()
+    found = found.sort_values("label", key=lambda labels: labels.map(report.scenes.index), kind="stable")
     found = found.assign(place=found["label"] if len(runs) == 1 else found["label"] + " · " + found["run"])
     places, sets = list(found["place"].unique()), [s for s in report.ray_sets if s in set(found["rays_label"])]
     cells = {(row.place, row.rays_label): row for row in found.itertuples()}

@@ -142,9 +142,10 @@ class Charts {
     const longest = names ? rows.reduce((most, row) => Math.max(most, String(row[field] || "").length), 0) : 0;
     const limit = room < 500 ? room / 2 : chart.facet ? 190 : 380;
     theme.axis.labelLimit = limit;
-    theme.legend.columns = Math.max(1, Math.floor(room / (room < 500 ? 160 : 190)));
     const apart = chart.resolve.scale && chart.resolve.scale.y === "independent";
     const margin = names ? Math.min(limit, longest * 6.6) + 14 : 58;
+    theme.legend.columns = Math.max(1, room < 500 ? Math.floor((room - margin + 20) / 150) : Math.floor(room / 190));
+    if (room < 500) theme.legend.layout = { top: { direction: "vertical", anchor: "start" } }; // two legends below each other
     const fit = apart ? Math.floor((room + GAP) / (NARROWEST + margin + GAP)) : Math.floor((room - margin + GAP) / (NARROWEST + GAP));
     const across = Math.max(1, Math.min(panels.length, fit, 3));
     const columns = panels.length === 4 && across === 3 ? 2 : across;

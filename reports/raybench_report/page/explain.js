@@ -76,7 +76,12 @@ class Explain {
     let parts = null;
     if (price && Object.keys(WORK).every((name) => known(a[name]) && known(b[name]))) {
       const beyond = (c) => c.bytes - price.bytes_per_step * c.steps - price.bytes_per_prim * c.prims;
-      parts = { steps: price.steps * (a.steps - b.steps), prims: price.prims * (a.prims - b.prims), bytes: price.bytes * (beyond(a) - beyond(b)) };
+      const [mine, other] = [price.structures[a.spec], price.structures[b.spec]], rays = price.rays[a.rays_label], mean = rays * (mine + other) / 2;
+      const whole = (c) => rays * (price.steps * c.steps + price.prims * c.prims + price.bytes * beyond(c));
+      parts = {
+        steps: mean * price.steps * (a.steps - b.steps), prims: mean * price.prims * (a.prims - b.prims), bytes: mean * price.bytes * (beyond(a) - beyond(b)),
+        each: (mine - other) * (whole(a) + whole(b)) / 2,
+      };
       parts.rest = a.ns - b.ns - Object.values(parts).reduce((sum, v) => sum + v, 0);
     }
     return { a, b, price, parts };
@@ -89,15 +94,16 @@ class Explain {
       return;
     }
     const { a, b, price, parts } = found, gap = a.ns - b.ns;
-    const names = { ...WORK, bytes: "bytes beyond those of visits and tests", rest: "time per each visit, test and byte" };
+    const names = { ...WORK, bytes: "bytes beyond those of visits and tests", each: "time per each visit, test and byte", rest: "not explained by the model" };
     const ratio = a.ns >= b.ns ? `${figure(a.ns / b.ns, 3)} times as long` : `${figure(b.ns / a.ns, 3)} times as fast`;
     const said = [`${a.spec} takes ${figure(a.ns, 3)} ns per ${a.rays_label} ray on ${a.label}, ${b.spec} ${figure(b.ns, 3)} ns: ${ratio}.`];
     if (parts && gap !== 0) {
       const most = Object.keys(parts).reduce((x, y) => (parts[y] / gap > parts[x] / gap ? y : x));
       const share = 100 * parts[most] / gap;
-      said.push(most === "rest"
-        ? `Counts explain ${share >= 99.5 ? "nothing" : `${figure(100 - share, 2)} %`} of the difference; the rest is ${names.rest}.`
-        : `${share > 100.5 ? "More than all" : share > 99.5 ? "Nearly all" : `${figure(share, 2)} %`} of the difference is ${names[most]}: ${figure(a[most], 3)} a ray against ${figure(b[most], 3)}.`);
+      const part = share > 100.5 ? "More than all" : share > 99.5 ? "Nearly all" : `${figure(share, 2)} %`;
+      const why = most === "each" ? `: ${a.spec} pays ${figure(price.structures[a.spec], 2)} times the usual price, ${b.spec} ${figure(price.structures[b.spec], 2)} times`
+        : most === "rest" ? "" : `: ${figure(a[most], 3)} a ray against ${figure(b[most], 3)}`;
+      said.push(`${part} of the difference is ${names[most]}${why}.`);
     } else if (!parts) {
       const silent = [a, b].filter((c) => !known(c.steps)).map((c) => c.spec);
       said.push(silent.length ? `${silent.join(" and ")} cannot count, so the gap cannot be split; embree_topology is Embree's builder under a traversal that counts.` : "Too few cases count on this scene for prices.");
@@ -110,8 +116,9 @@ class Explain {
         ...[a, b].map((c) => element("td", { class: "number" }, known(c[name]) && c[name] > 0 ? `${figure(c.ns / c[name], 3)} ns` : "–")),
         element("td", { class: "number", "data-part": name }, parts ? signed(parts[name]) : "–"));
     });
-    if (parts) rows.push(element("tr", {}, element("th", { scope: "row" }, element("span", { class: "swatch", style: `background:${COLOURS.rest}` }), "time per each"),
-      ...Array.from({ length: 5 }, () => element("td", { class: "number none" }, "")), element("td", { class: "number", "data-part": "rest" }, signed(parts.rest))));
+    for (const [name, title] of parts ? [["each", "time per each"], ["rest", "not explained"]] : [])
+      rows.push(element("tr", {}, element("th", { scope: "row" }, element("span", { class: "swatch", style: `background:${COLOURS[name]}` }), title),
+        ...Array.from({ length: 5 }, () => element("td", { class: "number none" }, "")), element("td", { class: "number", "data-part": name }, signed(parts[name]))));
     const heads = ["", a.spec, b.spec, "ratio", `${a.spec}: time per each`, `${b.spec}: time per each`, "part of the gap"];
     place.replaceChildren(element("div", { class: "gap" },
       element("p", { class: "verdict" }, said.join(" ")),
@@ -119,7 +126,7 @@ class Explain {
       element("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Counts and times of both" },
         element("table", { class: "plain" }, element("thead", {}, element("tr", {}, ...heads.map((h, at) => element("th", { scope: "col", class: at ? "number" : null }, h)))), element("tbody", {}, ...rows))),
       price ? element("p", { class: "note" },
-        `Prices on ${a.label}, fitted over ${price.cases} cases (median error ${figure(100 * price.error, 2)} %): ${figure(price.steps, 3)} ns a visit and ${figure(price.prims, 3)} ns a test, with the bytes they usually touch; ${figure(price.bytes, 3)} ns a byte beyond. The part “time per each” is what one pays more, or less, than these prices.`) : null));
+        `Prices on ${a.label}, fitted over ${price.cases} cases (median error ${figure(100 * price.error, 2)} %): ${figure(price.steps, 3)} ns a visit and ${figure(price.prims, 3)} ns a test, with the bytes they usually touch; ${figure(price.bytes, 3)} ns a byte beyond; times a factor of the rays (${a.rays_label}: ${figure(price.rays[a.rays_label], 2)}) and one of the structure. “Time per each” is what differs by the structures' factors, “not explained” what the model leaves.`) : null));
   }
 
   bar(parts, names) {
@@ -127,11 +134,11 @@ class Explain {
     const room = document.getElementById("explanation").clientWidth;
     return element("div", { class: "bar", role: "img", "aria-label": Object.entries(parts).map(([k, v]) => `${names[k]}: ${signed(v)}`).join(", ") },
       ...Object.entries(parts).filter(([, v]) => Math.abs(v) > 0).map(([name, v]) => {
-        const share = Math.abs(v) / sum, text = `${name === "rest" ? "time per each" : names[name]} ${v < 0 ? "−" : ""}${Math.round(100 * share)} %`;
+        const share = Math.abs(v) / sum, text = `${{ each: "time per each", rest: "not explained" }[name] || names[name]} ${v < 0 ? "−" : ""}${Math.round(100 * share)} %`;
         return element("span", { class: name, style: `flex:${Math.max(0.004, share)}`, title: `${names[name]}: ${signed(v)}` }, 7.5 * text.length < share * room ? text : "");
       }));
   }
 }
 
-const COLOURS = { steps: "#0072b2", prims: "#b24c00", bytes: "#007a5a", rest: "#66707c" };
+const COLOURS = { steps: "#0072b2", prims: "#b24c00", bytes: "#007a5a", each: "#7a4fa3", rest: "#66707c" };
 const signed = (ns) => `${ns < 0 ? "−" : "+"}${figure(Math.abs(ns), 3)} ns`;

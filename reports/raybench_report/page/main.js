@@ -71,8 +71,8 @@ const main = async () => {
     };
     const asked = cases.filter((c) => c.query !== "build" && c.structure !== DATA.null);
     const place = (list) => new Map(list.map((name, at) => [name, at]));
-    const [scenes, sets, order] = [place(DATA.scenes), place(DATA.raySets), place(DATA.order)];
-    asked.sort((a, b) => scenes.get(a.label) - scenes.get(b.label) || sets.get(a.rays_label) - sets.get(b.rays_label) || order.get(a.spec) - order.get(b.spec));
+    const [scenes, sets, order, runs] = [place(DATA.scenes), place(DATA.raySets), place(DATA.order), place(DATA.runs)];
+    asked.sort((a, b) => scenes.get(a.label) - scenes.get(b.label) || sets.get(a.rays_label) - sets.get(b.rays_label) || order.get(a.spec) - order.get(b.spec) || runs.get(a.run) - runs.get(b.run));
     tables = [
       new DataTable(document.querySelector('[data-table="structures"]'), "structures", DATA.tables.structures, structures, actions),
       new DataTable(document.querySelector('[data-table="rays"]'), "rays", DATA.tables.rays, asked, actions),
