@@ -16,6 +16,7 @@ SAFE = ("watertight", "exact")  # claims that a run checks and that leave no roo
 
 def best(report):
     """One row a run x scene x ray set: the fastest and the next, and the fastest of those that claim to lose no ray.
+    Shuffled copies are no kind of ray of their own.
 
     speed      relative to the anchor on the same rays, or rays per second where there is no anchor
     lead       the fastest's speed over the next one's
@@ -24,7 +25,7 @@ def best(report):
     if not report.runs:
         return pd.DataFrame()
     cases = report.timed_queries
-    cases = cases[cases["structure"] != NULL]
+    cases = cases[(cases["structure"] != NULL) & (cases["order"] != "shuffled")]
     if cases.empty:
         return pd.DataFrame()
     cases = cases[cases["threads"] == cases.groupby(["run", "label"])["threads"].transform("min")]
@@ -253,6 +254,7 @@ def _slowest(report):
     """The worst case against its anchor, with what explains it."""
     cases = report.timed_queries
     cases = cases[(cases["structure"] != NULL) & cases["anchor_ns"].notna() & (cases["spec"] != cases["anchor"])]
+    cases = cases[cases["order"] != "shuffled"]
     if cases.empty:
         return ""
     slow = cases["median_ns"] / cases["anchor_ns"]
@@ -278,11 +280,7 @@ def doubts(report):
 def _doubts_of(run):
     info, said = run.info, []
     if info.get("interrupted"):
-        gone = missing(run)
-        said.append(
-            f"The run was interrupted: {len(run.cases)} cases are finished"
-            + (f"; never measured: {', '.join(f'`{spec}` on `{scene}`' for spec, scene in gone)}." if gone else ".")
-        )
+        said.append(f"The run was interrupted: {len(run.cases):,} cases are finished{_gone(run)}.")
     cases = run.cases[(run.cases["structure"] != NULL) & (run.cases["status"] == "timed")]
     skipped = run.cases[(run.cases["status"] == "skipped") & (run.cases["structure"] != NULL)]
     for note, here in skipped.groupby("note", sort=False):
@@ -310,6 +308,21 @@ def _doubts_of(run):
     if info.get("build", {}).get("build_type", "Release") != "Release":
         said.append(f"raybench was built as {info['build']['build_type']}, not as Release: times mean little.")
     return said + [str(warning) for warning in info.get("warnings") or []]
+
+
+def _gone(run):
+    """What an interrupted run never measured: whole scenes, then structures by scene."""
+    scenes, planned = {}, {s.get("spec") for s in run.info.get("structures", [])} - {NULL}
+    for spec, scene in missing(run):
+        scenes.setdefault(scene, []).append(spec)
+    whole = [f"`{scene}`" for scene, specs in scenes.items() if len(specs) == len(planned)]
+    parts = ["anything on " + ", ".join(whole)] if whole else []
+    parts += [
+        ", ".join(f"`{spec}`" for spec in specs) + f" on `{scene}`"
+        for scene, specs in scenes.items()
+        if len(specs) < len(planned)
+    ]
+    return "; never measured: " + "; ".join(parts) if parts else ""
 
 
 def _each(cases, scenes):

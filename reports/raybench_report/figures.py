@@ -42,7 +42,7 @@ def select(report, chart):
         rows = report.queries if rows == "queries" else report.builds
         rows = rows[(rows["structure"] != NULL) & (rows["status"] != "skipped")]
         if chart.rows == "queries":
-            rows = rows[rows["status"] == "timed"]
+            rows = rows[(rows["status"] == "timed") & (rows["order"] != "shuffled")]
     if chart.single and not rows.empty:
         values = set(rows[chart.single])
         rows = rows[rows[chart.single] == next((s for s in report.ray_sets if s in values), rows[chart.single].iloc[0])]
@@ -68,13 +68,13 @@ def specification(chart, rows):
     for layer in panel.get("layer", [panel]):
         place = layer.get("encoding", {}).get("x", {})
         if isinstance(place.get("title"), str):
-            place["title"] = textwrap.wrap(place["title"], max(12, int(width / 4.4)))
+            place["title"] = _lines(place["title"], max(12, int(width / 4.4)))
     theme = vega.config("print")
     entries = _entries(panel)
     across = max(1, int(COLUMN / (4.4 * max(map(len, entries), default=10) + 18)))
     theme["legend"]["columns"] = across
-    if names and entries:
-        _set_legend_left(panel, COLUMN - width - 8, -(-len(entries) // across), across)
+    if entries:
+        _set_legend(panel, _left_of(COLUMN - width - 8, -(-len(entries) // across), across) if names else {})
     values = json.loads(rows.to_json(orient="records", double_precision=15))
     whole = {"data": {"name": "rows", "values": values}, "config": theme, "padding": 2, "background": "white"}
     if not chart.facet:
@@ -82,6 +82,13 @@ def specification(chart, rows):
     order = [v for v in dict.fromkeys(rows[chart.facet])]
     facet = {"field": chart.facet, "type": "nominal", "sort": order, "header": {"title": None}}
     return whole | {"facet": facet, "columns": 1, "spec": panel, "resolve": chart.resolve}
+
+
+def _lines(title, most):
+    """An axis' title in lines of at most so many letters: broken before its parenthesis where that suffices."""
+    if len(title) <= most:
+        return [title]
+    return [line for part in title.replace(" (", "\n(", 1).split("\n") for line in textwrap.wrap(part, most)]
 
 
 def drawn(chart, rows):
@@ -107,16 +114,16 @@ def _entries(panel):
     return list(dict.fromkeys(str(name).removesuffix(ANY) for names in found for name in names))
 
 
-def _set_legend_left(panel, left, lines, across):
-    """Puts the legend above the names of the rows, where it has the whole column's width."""
-    place = {
-        "labelExpr": f"replace(datum.label, '{ANY}', '')",
-        "orient": "none",
-        "legendX": -left,
-        "legendY": -(11 * lines + 32),
-        "columns": across,
-        "direction": "horizontal",
-    }
+def _left_of(left, lines, across):
+    """Where a legend has the whole column's width: above the names of the rows."""
+    return {
+        "orient": "none", "legendX": -left, "legendY": -(11 * lines + 32), "columns": across, "direction": "horizontal",
+    }  # fmt: skip
+
+
+def _set_legend(panel, place):
+    """Puts the legends there, in short names."""
+    place = {"labelExpr": f"replace(datum.label, '{ANY}', '')"} | place
     for layer in panel.get("layer", [panel]):
         for channel in ("color", "shape"):
             if "scale" in layer.get("encoding", {}).get(channel, {}):
@@ -154,10 +161,8 @@ def _tables(report, sections):
         for table in section.tables:
             from .page import cell  # numbers as on the page
 
-            numeric = [any(isinstance(row[k], int | float) for row in table.rows) for k in range(len(table.heads))]
-            yield PaperTable(
-                table.name, table.title, table.heads, [[cell(v) for v in row] for row in table.rows], numeric
-            )
+            rows = [[cell(v) for v in row] for row in table.rows]
+            yield PaperTable(table.name, table.title, table.heads, rows, table.numeric)
 
 
 def _structures(report):
@@ -210,7 +215,8 @@ def latex(table):
     """A tabular for \\input, with booktabs' rules."""
     columns = "".join("r" if numeric else "l" for numeric in table.numeric)
     lines = [
-        f"% {table.caption}. Needs \\usepackage{{booktabs}}.",
+        f"% {table.caption}. Needs \\usepackage{{booktabs}}; for \\begin{{table*}} ... \\input{{{table.name}}} ... \\end{{table*}}.",
+        "\\footnotesize\\setlength{\\tabcolsep}{4pt}",
         f"\\begin{{tabular}}{{@{{}}{columns}@{{}}}}",
         "\\toprule",
     ]

@@ -69,12 +69,13 @@ class Report:
 
     @cached_property
     def ray_sets(self):
-        """Ray sets as shown: those the tracer recorded first, by kind and depth."""
+        """Ray sets as shown: those the tracer recorded first, by kind and depth; shuffled copies last."""
         first = self.queries.drop_duplicates("rays_label")
 
         def key(row):
             kind, _, depth = row.ray_set.partition(".")
-            return KINDS.index(kind) if kind in KINDS else len(KINDS), kind, depth.zfill(4), row.order, row.query
+            rank = KINDS.index(kind) if kind in KINDS else len(KINDS)
+            return row.order == "shuffled", rank, kind, depth.zfill(4), row.query
 
         return [row.rays_label for row in sorted(first.itertuples(), key=key)]
 

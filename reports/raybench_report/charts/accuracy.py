@@ -55,7 +55,7 @@ def _with_places(known):
         for below, above in zip(order, order[1:]):
             if y[above] - y[below] < near:
                 place[above] = "above"
-                place[below] = "below" if place[below] == "beside" else place[below]
+                place[below] = "below" if place[below] == "beside" else "beside"  # of three the middle one
     return known.assign(name=(np.where(left, "left ", "right ") + place).where(named, ""))
 
 

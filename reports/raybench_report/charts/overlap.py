@@ -43,7 +43,7 @@ def charts(report):
     known = rows(report)
     if known.empty:
         return []
-    x = vega.number("epo", "end-point overlap (EPO) of the BVH (log scale)")
+    x = vega.number("epo", "overlap of the BVH's boxes, EPO (log scale)")
     x["scale"] |= {"domain": [known["epo"].min() / 1.4, known["epo"].max() * 1.4], "padding": 0}
     y = vega.number("ratio", "kd-tree's speed / BVH's (log)")
     panel = {
@@ -62,24 +62,30 @@ def charts(report):
                     ("ratio", "kd-tree's speed over the BVH's", ".3f"), ("lo", "from", ".3f"), ("hi", "to", ".3f"), ("epo", "EPO", ".3~g"),
                 ),
             },
-            {
-                "transform": [
-                    {"joinaggregate": [{"op": "max", "field": "hi", "as": "top"}], "groupby": ["label", "run"]},
-                    {"filter": "datum.hi == datum.top"},
-                ],
-                "mark": {"type": "text", "dy": -9, "style": "note"},
-                "encoding": {"x": x, "y": y | {"field": "top"}, "text": {"field": "label"}},
-            },
+            *(
+                {
+                    "transform": [
+                        {"joinaggregate": [{"op": end, "field": field, "as": "end"}], "groupby": ["label"]},
+                        {"filter": f"datum.{field} == datum.end && {'' if above else '!'}datum.above"},
+                    ],
+                    "mark": {"type": "text", "dy": -9 if above else 10, "style": "note"},
+                    "encoding": {"x": x, "y": y | {"field": "end"}, "text": {"field": "label"}},
+                }
+                for end, field, above in (("max", "hi", True), ("min", "lo", False))
+            ),
         ]
     }  # fmt: skip
     columns = ["run", "label", "rays_label", "kdtree", "bvh", "epo", "ratio", "lo", "hi"]
+    # names of scenes by turns above and below their dots, so that neighbours do not stand on each other
+    scenes = {scene: at % 2 for at, scene in enumerate(known.sort_values("epo")["label"].unique())}
+    known = known.assign(above=known["label"].map(scenes) == 0)
     return [
         Chart(
             "overlap",
             "When does a kd-tree win over a BVH?",
             "Dots: speed of the fastest kd-tree over that of the fastest binary BVH, by overlap of the BVH's boxes; above 1 the kd-tree wins.",
             panel,
-            known[[*columns, "ray_set"]],
+            known[[*columns, "ray_set", "above"]],
             columns,
             facet=None,
             height=240,

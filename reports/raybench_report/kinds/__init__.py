@@ -39,6 +39,11 @@ class Table:
     heads: list
     rows: list
 
+    @property
+    def numeric(self):
+        """Which columns have numbers."""
+        return [any(isinstance(row[k], int | float) for row in self.rows) for k in range(len(self.heads))]
+
 
 @dataclass
 class Kind:

@@ -26,6 +26,15 @@ const setTicks = (panel, axis, values) => {
   }
 };
 
+// The column that colours stand for, and its values.
+const colours = (panel) => {
+  for (const layer of panel.layer || [panel]) {
+    const colour = layer.encoding && layer.encoding.color;
+    if (colour && colour.field && colour.scale && colour.scale.domain) return { field: colour.field, domain: colour.scale.domain };
+  }
+  return null;
+};
+
 class Charts {
   constructor(data, rowsOf) {
     this.rowsOf = rowsOf; // name of common rows → rows
@@ -81,6 +90,10 @@ class Charts {
   chosen(chart) {
     let rows = filtered(this.source(chart));
     const said = [];
+    if (!state.rays && rows.some((row) => row.order === "shuffled")) { // they would stand on the others
+      rows = rows.filter((row) => row.order !== "shuffled");
+      said.push("Shuffled copies of ray sets are left out; choose one above.");
+    }
     if (chart.single) {
       const values = [...new Set(rows.map((row) => row[chart.single]))];
       const first = values.includes(state.rays) ? state.rays : DATA.raySets.find((s) => values.includes(s)) || values[0];
@@ -144,7 +157,9 @@ class Charts {
     theme.axis.labelLimit = limit;
     const apart = chart.resolve.scale && chart.resolve.scale.y === "independent";
     const margin = names ? Math.min(limit, longest * 6.6) + 14 : 58;
-    theme.legend.columns = Math.max(1, room < 500 ? Math.floor((room - margin + 20) / 150) : Math.floor(room / 190));
+    const series = colours(chart.panel), drawn = series ? series.domain.filter((name) => rows.some((row) => row[series.field] === name)) : [];
+    const widest = drawn.reduce((most, name) => Math.max(most, String(name).length), 12);
+    theme.legend.columns = Math.max(1, Math.floor((room - margin) / (6.2 * widest + 26)));
     if (room < 500) theme.legend.layout = { top: { direction: "vertical", anchor: "start" } }; // two legends below each other
     const fit = apart ? Math.floor((room + GAP) / (NARROWEST + margin + GAP)) : Math.floor((room - margin + GAP) / (NARROWEST + GAP));
     const across = Math.max(1, Math.min(panels.length, fit, 3));
@@ -157,6 +172,14 @@ class Charts {
     for (const layer of panel.layer || [panel]) {
       const x = layer.encoding && layer.encoding.x; // a long title is cut, but on several lines it is not
       if (x && typeof x.title === "string" && 6.4 * x.title.length > width) x.title = x.title.split(/ (?=\()/);
+    }
+    if (drawn.length) {
+      for (const layer of panel.layer || [panel]) {
+        for (const name of ["color", "shape", "strokeDash"]) {
+          const channel = layer.encoding && layer.encoding[name];
+          if (channel && channel.field === series.field) channel.legend = { ...channel.legend, values: drawn };
+        }
+      }
     }
     for (const [axis, span] of Object.entries(chart.spans)) setTicks(panel, axis, logTicks(rows, span, axis === "x" ? width / 42 : chart.height / 30));
     const whole = { data: { name: "rows", values: rows.map((row) => ({ ...row })) }, config: theme, padding: 2 };
