@@ -111,15 +111,15 @@ class Explain {
     const rows = Object.entries(WORK).map(([name, title]) => {
       const have = known(a[name]) && known(b[name]);
       return element("tr", {}, element("th", { scope: "row" }, parts ? element("span", { class: "swatch", style: `background:${COLOURS[name]}` }) : null, `${title} per ray`),
+        element("td", { class: "number", "data-part": name }, parts ? signed(parts[name]) : "–"),
         ...[a, b].map((c) => element("td", { class: "number" }, known(c[name]) ? figure(c[name], 4) : "not counted")),
         element("td", { class: "number" }, have && b[name] ? `${figure(a[name] / b[name], 3)}×` : "–"),
-        ...[a, b].map((c) => element("td", { class: "number" }, known(c[name]) && c[name] > 0 ? `${figure(c.ns / c[name], 3)} ns` : "–")),
-        element("td", { class: "number", "data-part": name }, parts ? signed(parts[name]) : "–"));
+        ...[a, b].map((c) => element("td", { class: "number" }, known(c[name]) && c[name] > 0 ? `${figure(c.ns / c[name], 3)} ns` : "–")));
     });
     for (const [name, title] of parts ? [["each", "time per each"], ["rest", "not explained"]] : [])
       rows.push(element("tr", {}, element("th", { scope: "row" }, element("span", { class: "swatch", style: `background:${COLOURS[name]}` }), title),
-        ...Array.from({ length: 5 }, () => element("td", { class: "number none" }, "")), element("td", { class: "number", "data-part": name }, signed(parts[name]))));
-    const heads = ["", a.spec, b.spec, "ratio", `${a.spec}: time per each`, `${b.spec}: time per each`, "part of the gap"];
+        element("td", { class: "number", "data-part": name }, signed(parts[name])), ...Array.from({ length: 5 }, () => element("td", { class: "number none" }, ""))));
+    const heads = ["", "part of the gap", a.spec, b.spec, "ratio", `${a.spec}: of each`, `${b.spec}: of each`];
     place.replaceChildren(element("div", { class: "gap" },
       element("p", { class: "verdict" }, said.join(" ")),
       parts ? this.bar(parts, names) : null,
@@ -134,7 +134,7 @@ class Explain {
     const room = document.getElementById("explanation").clientWidth;
     return element("div", { class: "bar", role: "img", "aria-label": Object.entries(parts).map(([k, v]) => `${names[k]}: ${signed(v)}`).join(", ") },
       ...Object.entries(parts).filter(([, v]) => Math.abs(v) > 0).map(([name, v]) => {
-        const share = Math.abs(v) / sum, text = `${{ each: "time per each", rest: "not explained" }[name] || names[name]} ${v < 0 ? "−" : ""}${Math.round(100 * share)} %`;
+        const share = Math.abs(v) / sum, text = `${{ each: "time per each", rest: "not explained" }[name] || names[name]} ${signed(v)}`;
         return element("span", { class: name, style: `flex:${Math.max(0.004, share)}`, title: `${names[name]}: ${signed(v)}` }, 7.5 * text.length < share * room ? text : "");
       }));
   }
