@@ -15,6 +15,7 @@ from raybench_report import explain, report
 from raybench_report.__main__ import main
 from raybench_report.kinds import all_kinds
 from test_report_heat import make_folder
+from test_report_kinds import write_check, write_history, write_verify
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium here (Debian's package)")
@@ -277,6 +278,22 @@ def test_axe_finds_nothing_serious(browser, folder, scheme):
     found = Axe().run(visit.page).response["violations"]
     serious = [(v["id"], v["nodes"][0]["html"][:120]) for v in found if v["impact"] in ("serious", "critical")]
     assert serious == []
+    visit.context.close()
+
+
+def test_what_is_no_run_is_drawn_and_accessible_too(browser, tmp_path):
+    folders = [write_check(tmp_path / "check"), write_history(tmp_path / "history"), write_verify(tmp_path / "verify")]
+    assert main([*map(str, folders)]) == 0
+    visit = Visit(browser, folders[0] / "report.html", color_scheme="dark")
+    names = [box.get_attribute("id") for box in visit.page.locator("figure.chart:has(svg)").all()]
+    assert names == ["verdicts", "check_worst_0", "check_all_0", "trend_0"]
+    rows = visit.download("[data-csv=trend_0]")
+    assert len(rows) == 48 and float(rows[9]["level"]) == pytest.approx(2.4, rel=0.01)
+    visit.page.click(".answers li.refused a")
+    assert 0 <= visit.page.locator("#check h2").bounding_box()["y"] < 300
+    found = Axe().run(visit.page).response["violations"]
+    assert [v["id"] for v in found if v["impact"] in ("serious", "critical")] == []
+    assert visit.wrong == []
     visit.context.close()
 
 
