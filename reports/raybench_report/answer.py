@@ -110,7 +110,11 @@ def _changes(report):
                 shown = ", ".join(f"`{spec}` ({value:.2f} times the time)" for spec, value in those.head(4).items())
                 text += f"{word} {shown}{' and others' if len(those) > 4 else ''}; "
         rest = mean.drop(moved.index)
-        text += f"{len(rest)} others within {100 * np.expm1(np.abs(np.log(rest)).max()):.2g} %" if len(rest) else "no others"
+        text += (
+            f"{len(rest)} others within {100 * np.expm1(np.abs(np.log(rest)).max()):.2g} %"
+            if len(rest)
+            else "no others"
+        )
         said.append(text + ". Two runs that were not interleaved prove no small difference; `raybench check` does.")
     return " ".join(said)
 
@@ -157,7 +161,7 @@ def _places(rows, found):
         return f"{len(rows)} pairs"
     if found["label"].nunique() == 1:
         return ", ".join(rows["rays_label"])
-    return ", ".join(f"{row.rays_label} on {row.label}" for row in rows.itertuples())
+    return ", ".join(f"{row.rays_label} on `{row.label}`" for row in rows.itertuples())
 
 
 def _safe(report, found):

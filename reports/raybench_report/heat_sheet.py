@@ -65,7 +65,9 @@ class Sheet:
     def write(self, x, y, text, size=TEXT, colour="ink", bold=False):
         """Text of one or more lines. Returns its height."""
         lines = text.split("\n")
-        self.texts.append({"x": x, "y": y, "lines": lines, "size": size, "line": _line(size), "colour": colour, "bold": bold})
+        self.texts.append(
+            {"x": x, "y": y, "lines": lines, "size": size, "line": _line(size), "colour": colour, "bold": bold}
+        )
         return len(lines) * _line(size)
 
 
@@ -116,7 +118,9 @@ def sheet(heat, kinds=tuple(KINDS), scale="auto"):
             text = f"{names[spec]}\nmean {_number(counts.mean())}, max {counts.max():,}"
             found.write(x, y - LINE * (1 + text.count("\n")) - 4, text)
         label = KINDS[kind][0] + (", log scale" if scales[kind].log else "")
-        found.bars.append((MARGIN + (across + 1) * (panel_width + GAP), y, cell_height, scales[kind], label.split("\n")))
+        found.bars.append(
+            (MARGIN + (across + 1) * (panel_width + GAP), y, cell_height, scales[kind], label.split("\n"))
+        )
 
     bottom = top + rows * (head + cell_height + GAP)
     notes = _notes(heat, kinds, scales, width, height)

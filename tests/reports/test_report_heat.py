@@ -56,7 +56,9 @@ def test_a_sheet_is_drawn_and_its_panels_differ(tmp_path):
 def test_equal_colours_are_equal_counts_in_all_panels_of_a_row(tmp_path):
     maps = heat.read(make_folder(tmp_path, SPECS[:3]))
     sheet = heat_sheet.sheet(maps)
-    for kind, images, (*_, scale, _) in zip(("steps", "prims"), (sheet.images[1:4], sheet.images[4:]), sheet.bars, strict=True):
+    for kind, images, (*_, scale, _) in zip(
+        ("steps", "prims"), (sheet.images[1:4], sheet.images[4:]), sheet.bars, strict=True
+    ):
         counts = np.concatenate([m[kind].ravel() for m in maps.counted.values()])
         assert scale.top == np.ceil(np.percentile(counts, 99.9)) < counts.max() and scale.clipped
         colours = np.concatenate([painted.reshape(-1, 3) for *_, painted in images])

@@ -233,7 +233,10 @@ def write_check(directory, verdict="fail", comparisons=40, differences=1, **chan
          "log_ratio": 0.05 if i == 0 else -0.001 * i, "lo": 0.04 if i == 0 else -0.05, "hi": 0.06 if i == 0 else 0.01}
         for i in range(comparisons)
     ]  # fmt: skip
-    differ = [{"case": f"soup / s{i} / camera", "figure": "steps", "old": 10, "new": 11, "change": 0.1} for i in range(differences)]
+    differ = [
+        {"case": f"soup / s{i} / camera", "figure": "steps", "old": 10, "new": 11, "change": 0.1}
+        for i in range(differences)
+    ]
     info = {
         "format": 1, "verdict": verdict, "exact": {"cases": 7, "differences": differ}, "seconds": 3.0,
         "time": {"pairs": 45, "unit": "pairs", "comparisons": rows}, "notes": ["a <note>"], "commands": ["old run", "new run"],
@@ -246,9 +249,17 @@ def test_a_check_says_its_verdict_first_and_shows_the_worst(tmp_path):
     folder = write_check(tmp_path / "c")
     text = made(folder, out=tmp_path / "page.html")
     answer = text[text.index('<li class="refused">') : text.index("</li>")]
-    assert "fail. One exact figure differs in 7 cases; of 40 times, over 45 pairs, 1 are slower than allowed, 39 are not" in answer
+    assert (
+        "fail. One exact figure differs in 7 cases; of 40 times, over 45 pairs, 1 are slower than allowed, 39 are not"
+        in answer
+    )
     assert "<code>soup / s0 / camera</code>, +5.13 % [+4.08 %, +6.18 %]" in answer
-    assert '<td class="bad">FAIL</td>' in text and "<td>+10 %</td>" in text and "a &lt;note&gt;" in text and "<code>new run</code>" in text
+    assert (
+        '<td class="bad">FAIL</td>' in text
+        and "<td>+10 %</td>" in text
+        and "a &lt;note&gt;" in text
+        and "<code>new run</code>" in text
+    )
     found = report.read([folder], all_kinds())
     worst, everything = check.sections(found, found.others)[0].charts
     assert len(worst.rows) == 30 < len(everything.rows) == 40
@@ -259,7 +270,9 @@ def test_a_check_says_its_verdict_first_and_shows_the_worst(tmp_path):
 
 def test_a_check_without_times_or_without_a_decision_says_so(tmp_path):
     text = made(write_check(tmp_path / "e", "pass", 0, 0), out=tmp_path / "e.html")
-    assert '<li class="correct">' in text and "All exact figures are the same in 7 cases; no times were compared" in text
+    assert (
+        '<li class="correct">' in text and "All exact figures are the same in 7 cases; no times were compared" in text
+    )
     folder = write_check(tmp_path / "u", "inconclusive", 2, 0)
     info = json.loads((folder / "check.json").read_text())
     for row in info["time"]["comparisons"]:
@@ -276,7 +289,13 @@ def write_history(store, days=24, slower=1.2):
     for day in range(days):
         own = 100 * (slower if day >= 9 else 1) * (1 + 0.002 * (day % 3))
         cases = [
-            {"case": ["soup", spec, "camera", "traced", "closest", 1], "ns": ns, "lo": ns * 0.99, "hi": ns * 1.01, "anchor_ns": 50.0}
+            {
+                "case": ["soup", spec, "camera", "traced", "closest", 1],
+                "ns": ns,
+                "lo": ns * 0.99,
+                "hi": ns * 1.01,
+                "anchor_ns": 50.0,
+            }
             for spec, ns in (("own", own), ("library", 50.0))
         ]
         entry = {"format": 1, "started": f"2026-01-{day + 1:02}T00:00:00Z", "commit": f"c{day + 1:03}", "fingerprint": "ab" * 8,
@@ -290,7 +309,9 @@ def write_history(store, days=24, slower=1.2):
 def test_a_history_names_the_commit_of_a_change_and_draws_levels(tmp_path):
     store = write_history(tmp_path / "store")
     text = made(store, out=tmp_path / "page.html")
-    assert "24 runs, 1 of 2 cases changed level, most by +20.0 % at <code>c010</code>" in text and "a &lt;CPU&gt;" in text
+    assert (
+        "24 runs, 1 of 2 cases changed level, most by +20.0 % at <code>c010</code>" in text and "a &lt;CPU&gt;" in text
+    )
     found = report.read([store], all_kinds())
     ((chart,),) = [section.charts for section in history.sections(found, found.others)]
     own = chart.rows[chart.rows["spec"] == "own"]
@@ -303,7 +324,12 @@ def test_a_history_names_the_commit_of_a_change_and_draws_levels(tmp_path):
 
 def test_folders_of_every_kind_fit_on_one_page(folder, tmp_path):
     run = write_run(tmp_path / "run", full_run())
-    others = [write_verify(tmp_path / "v"), write_fuzz(tmp_path / "f"), write_check(tmp_path / "c"), write_history(tmp_path / "h")]
+    others = [
+        write_verify(tmp_path / "v"),
+        write_fuzz(tmp_path / "f"),
+        write_check(tmp_path / "c"),
+        write_history(tmp_path / "h"),
+    ]
     text = made(run, folder, *others, out=tmp_path / "page.html")
     places = [
         text.index(f'<section id="{name}"')

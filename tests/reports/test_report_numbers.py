@@ -202,8 +202,9 @@ def test_kd_trees_are_set_against_binary_bvhs_and_their_overlap(tmp_path):
     pairs = overlap.rows(found).set_index("label")
     assert pairs.loc["soup", "ratio"] == pytest.approx(4) and pairs.loc["city", "ratio"] == pytest.approx(0.5)
     assert pairs.loc["soup", "lo"] == pytest.approx(4 * 0.9 / 1.1) and set(pairs["bvh"]) == {"bvh_sah"}
-    assert "faster than the fastest binary BVH in 1 of 2 pairs: at most 4 times as fast, `kdtree_sah` for camera rays on `soup` (where" in (
-        " ".join(text for _, text in answer.sentences(found, answer.best(found)))
+    assert (
+        "faster than the fastest binary BVH in 1 of 2 pairs: at most 4 times as fast, `kdtree_sah` for camera rays on `soup` (where"
+        in (" ".join(text for _, text in answer.sentences(found, answer.best(found))))
     )
 
 
@@ -230,7 +231,10 @@ def test_runs_are_compared_relative_to_their_anchors(tmp_path):
 
     found = read(anchored("before", 1, 1), anchored("after", 1.7, 1.1))
     (text,) = [text for topic, text in answer.sentences(found, answer.best(found)) if "against" in text]
-    assert "`after` against `before`, relative to `embree`" in text and "slower `bvh_sah` (1.10 times the time); no others" in text
+    assert (
+        "`after` against `before`, relative to `embree`" in text
+        and "slower `bvh_sah` (1.10 times the time); no others" in text
+    )
     assert found.names == ["before", "after"]  # as given, not by alphabet
     assert list(tables.structures(found)["run"]) == ["before", "after"] * 2
     same = read(anchored("one", 1, 1), anchored("two", 1.7, 1.001))

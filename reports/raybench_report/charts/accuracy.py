@@ -67,7 +67,11 @@ def charts(report):
     seen = ["measured", "none seen: at most (95 %)"]
     x = vega.number("shown", "share of wrong answers (log scale, left is better)")
     x["axis"] = {"labelExpr": "format(datum.value, '~%')", "values": [10.0**d for d in range(-7, 1)]}
-    x["scale"] = {"type": "log", "nice": False, "domain": [known["shown"].min() / 2, min(1.0, known["shown"].max() * 3)]}
+    x["scale"] = {
+        "type": "log",
+        "nice": False,
+        "domain": [known["shown"].min() / 2, min(1.0, known["shown"].max() * 3)],
+    }
     y = vega.number("ns", "ns per ray (log scale, down is faster)")
     panel = {
         "layer": [

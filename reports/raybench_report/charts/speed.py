@@ -14,9 +14,7 @@ def charts(report):
     found = [chart for chart in (_rates(report), _builds(report), _memory(report), *_work(report)) if chart]
     if len(report.runs) > 1:
         for chart in found:
-            chart.notes.append(
-                f"Each structure has a row for each run, from the top: {', '.join(report.names)}."
-            )
+            chart.notes.append(f"Each structure has a row for each run, from the top: {', '.join(report.names)}.")
     return found
 
 

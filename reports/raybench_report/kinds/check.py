@@ -73,13 +73,21 @@ def _answer(info):
     exact, times = info["exact"], info["time"]
     differ = len(exact["differences"])
     said = f"{info['verdict']}. "
-    said += f"{differ:,} exact figures differ in" if differ > 1 else "One exact figure differs in" if differ else "All exact figures are the same in"
+    said += (
+        f"{differ:,} exact figures differ in"
+        if differ > 1
+        else "One exact figure differs in"
+        if differ
+        else "All exact figures are the same in"
+    )
     said += f" {exact['cases']:,} cases"
     if not times["comparisons"]:
         return f"{said}; no times were compared."
     count = {v: sum(row["verdict"] == v for row in times["comparisons"]) for v in COLOURS}
     said += f"; of {len(times['comparisons']):,} times, over {times['pairs']:,} {times.get('unit', 'pairs')}, "
-    said += f"{count['fail']:,} are slower than allowed, {count['pass']:,} are not, {count['inconclusive']:,} are undecided"
+    said += (
+        f"{count['fail']:,} are slower than allowed, {count['pass']:,} are not, {count['inconclusive']:,} are undecided"
+    )
     worst = times["comparisons"][0]
     if worst["log_ratio"] is None:
         return said + "."

@@ -23,7 +23,10 @@ def sections(report, folders):
     rows = pd.concat([folder.rows.assign(run=folder.shown) for folder in folders], ignore_index=True)
     broken = rows[rows["held"] == 0].drop_duplicates(["run", "scene", "spec"])
     kept = f"{len(broken)} trees broke what they claim." if len(broken) else "all trees kept what they claim."
-    answer = (GOOD if broken.empty else BAD, f"{rows['points'].sum():,.0f} points were told inside from outside; {kept}")
+    answer = (
+        GOOD if broken.empty else BAD,
+        f"{rows['points'].sum():,.0f} points were told inside from outside; {kept}",
+    )
     heads = ["scene", "structure", "claims", "way", "points", "wrong", "wrong at most (95 %)", "ns a point", "kept"]
     listed = [
         [r.scene, r.spec, r.claim, r.way, r.points, r.wrong, r.wrong_upper, r.ns_per_point, "yes" if r.held else "NO"]

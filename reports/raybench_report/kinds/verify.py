@@ -36,8 +36,13 @@ def sections(report, folders):
     broken = rows[rows["held"] == 0]
     trees = rows.drop_duplicates(["run", "scene", "spec"])
     lost = broken.drop_duplicates(["run", "scene", "spec"])
-    kept = "all trees kept what they claim." if lost.empty else f"{len(lost)} of {len(trees)} trees broke what they claim."
-    answer = (GOOD if lost.empty else BAD, f"{rows['rays'].sum():,.0f} answers of {len(trees)} trees were judged, every one: {kept}")
+    kept = (
+        "all trees kept what they claim." if lost.empty else f"{len(lost)} of {len(trees)} trees broke what they claim."
+    )
+    answer = (
+        GOOD if lost.empty else BAD,
+        f"{rows['rays'].sum():,.0f} answers of {len(trees)} trees were judged, every one: {kept}",
+    )
     says = []
     if any(folder.info.get("interrupted") for folder in folders):
         says.append("Interrupted: what is missing was not judged.")
