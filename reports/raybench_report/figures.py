@@ -126,7 +126,8 @@ def _set_legend(panel, place):
     place = {"labelExpr": f"replace(datum.label, '{ANY}', '')"} | place
     for layer in panel.get("layer", [panel]):
         for channel in ("color", "shape"):
-            if "scale" in layer.get("encoding", {}).get(channel, {}):
+            encoding = layer.get("encoding", {}).get(channel, {})
+            if "scale" in encoding and encoding.get("legend", place) is not None:
                 layer["encoding"][channel]["legend"] = place
 
 

@@ -16,6 +16,10 @@ def table(comparisons):
     were too few samples for a look."""
     rows = pd.DataFrame(comparisons).rename(columns={"scene": "label", "structure": "spec"})
     rows["rays_label"] = [rays_label(*row) for row in zip(rows["ray_set"], rows["order"], rows["query"], strict=True)]
+    # the scene last, and only where there are several: a narrow chart cuts the end of a long name off
+    scenes = " / " + rows["label"] if rows["label"].nunique() > 1 else ""
+    threads = rows["threads"].map(lambda n: "" if n == 1 else f" / {n} threads")
+    rows["shown"] = rows["spec"] + " / " + rows["rays_label"] + threads + scenes
     for name, column in (("slower", "log_ratio"), ("lo", "lo"), ("hi", "hi")):
         rows[name] = 100 * np.expm1(pd.to_numeric(rows[column]))
     return rows.assign(allowed=100 * rows["tolerance"]).replace([np.inf, -np.inf], np.nan)
@@ -34,8 +38,8 @@ def charts(rows, at):
         f"check_worst_{at}",
         "The worst comparisons" if len(known) > len(worst) else "All comparisons",
         "Dots: how much slower the second program was, with intervals; what is allowed is marked.",
-        _panel("name", list(worst["name"])),
-        worst[columns],
+        _panel("shown", list(worst["shown"])),
+        worst[[*columns, "shown"]],
         columns,
         facet=None,
         notes=[note],

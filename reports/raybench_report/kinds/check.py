@@ -36,7 +36,8 @@ def read(directory):
         raise RunError(f"{path}: not what `raybench check` wrote: {error}") from None
     side = directory / "A" / "run.json"
     if side.is_file():
-        info = {**read_json(side), **info}
+        run = read_json(side)  # its command line is one pair's, with a temporary folder
+        info |= {name: run[name] for name in ("machine", "build", "libraries") if name in run}
     return Check(directory, info)
 
 
