@@ -2,11 +2,13 @@
 
 import base64
 import gzip
+import io
 import json
 import random
 import re
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 from made_up import case, full_run, without_time, write_run
@@ -212,6 +214,11 @@ def test_heat_maps_and_pictures_are_inside(tmp_path):
     (scene,) = data_of(made(folder, out=tmp_path / "page.html"))["panels"]["pictures"]["scenes"]
     assert scene["label"] == "sponza.obj" and scene["picture"]["src"].startswith("data:image/png")
     assert [m["spec"] for m in scene["heat"]["kinds"]["steps"]["maps"]] == ["bvh_sah", "bvh_sah(numerics=fast)"]
+    kind = scene["heat"]["kinds"]["steps"]
+    for i, shown in enumerate(kind["maps"]):
+        grey = np.asarray(Image.open(io.BytesIO(base64.b64decode(shown["src"].partition(",")[2]))))[..., 0]
+        counts = np.minimum(np.load(folder / "heat" / "sponza" / f"{i}_steps.npy"), kind["top"])
+        assert np.abs(grey / 255 * kind["top"] - counts).max() <= kind["top"] * (0.5 / 63 + 0.51 / 255)
     assert scene["heat"]["silent"] == {"embree": "cannot count"} and scene["trees"][0]["levels"] == [[box]]
     (folder / "boxes" / "sponza.json").write_text("{")
     assert main([str(folder)]) == 2
