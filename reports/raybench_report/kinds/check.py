@@ -48,7 +48,10 @@ def sections(report, folders):
 
 def _section(folder, at, several):
     info, tables, charts = folder.info, [], []
-    if differences := info["exact"]["differences"]:
+    # the largest changes first, cases that only one side has last
+    if differences := sorted(
+        info["exact"]["differences"], key=lambda d: (d["figure"] == "case", -abs(d["change"] or 1e9))
+    ):
         heads = ["case", "figure", "was", "is", "change"]
         rows = [[d["case"], d["figure"], d["old"], d["new"], _change(d["change"])] for d in differences]
         tables.append(Table(f"check_exact_{at}", "Exact figures that differ", heads, rows))
