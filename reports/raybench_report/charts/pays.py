@@ -62,7 +62,8 @@ def crossings(report):
     columns = ["run", "label", "rays_label", "before", "after", "rays", "lo", "hi", "build_ns", "ns"]
     place = {label: at for at, label in enumerate(report.scenes)}
     sets = {label: at for at, label in enumerate(report.ray_sets)}
-    rows.sort(key=lambda row: (row["run"], place[row["label"]], sets[row["rays_label"]], row["rays"]))
+    runs = {name: at for at, name in enumerate(report.names)}
+    rows.sort(key=lambda row: (place[row["label"]], runs[row["run"]], sets[row["rays_label"]], row["rays"]))
     return pd.DataFrame(rows, columns=columns)
 
 
