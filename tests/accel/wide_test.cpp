@@ -10,6 +10,7 @@
 #include "accel/bvh/wide/nodes.h"
 #include "accel/bvh/wide/ray.h"
 #include "accel/ray/bounds.h"
+#include "tests/support/effort.h"
 #include "tests/support/meshes.h"
 
 namespace raybench::testing {
@@ -191,6 +192,59 @@ TEST(BvhWide, WithoutNeedOfUvTheRestIsTheSame) {
     ASSERT_EQ(with[i].prim, without[i].prim);
     ASSERT_EQ(with[i].t, without[i].t);
   }
+}
+
+/// Eight triangles of any shape and size, many of them edge-on or behind the origin, which often lies on one of them;
+/// the interval begins or ends within a few ulp of a hit, or well off it.
+TEST(BvhWide, AnyHitAgreesWithBruteAtTheEndsOfTheInterval) {
+  Random random(8);
+  size_t hits = 0, asked = 0;
+  for (int i = 0; i < (kSanitized ? 2000 : 20000); ++i) {
+    Mesh mesh{"eight", {}, {}};
+    const float scale = std::ldexp(1.0f, int(random.Below(3)) * 40 - 40);
+    const auto any = [&](float size) {
+      Vec3f p;
+      for (int a = 0; a < 3; ++a) p[a] = random.Below(6) == 0 ? 0.0f : size * (random.NextFloat() - 0.5f);
+      return p;
+    };
+    for (uint32_t t = 0; t < 8; ++t) {
+      const Vec3f at = any(scale);
+      const float size = scale * std::ldexp(1.0f, -int(random.Below(12)));
+      for (int c = 0; c < 3; ++c) mesh.positions.push_back(at + any(size));
+      mesh.triangles.push_back({3 * t, 3 * t + 1, 3 * t + 2});
+    }
+    const rb_geometry geometry = mesh.Geometry();
+    const Tree brute = Build("brute", geometry), wide = Build("bvh_wide", geometry);
+    std::vector<rb_ray> rays;
+    for (int k = 0; k < 8; ++k) {
+      const auto inside = [&] {  // of a triangle, or on its edge
+        const size_t t = 3 * random.Below(8);
+        const float u = random.NextFloat(), v = random.Below(4) == 0 ? 0.0f : 1 - u;
+        return mesh.positions[t] * u + mesh.positions[t + 1] * v + mesh.positions[t + 2] * (1 - u - v);
+      };
+      const Vec3f from = random.Below(3) == 0 ? any(2 * scale) : inside(), to = inside();
+      rb_ray ray{};
+      for (int a = 0; a < 3; ++a) ray.org[a] = from[a], ray.dir[a] = to[a] - from[a];
+      ray.tfar = INFINITY;
+      rays.push_back(ray);
+    }
+    const std::vector<rb_hit> found = Closest(brute, rays);
+    for (size_t k = 0, n = rays.size(); k < n; ++k) {
+      if (found[k].prim == RAYBENCH_NONE) continue;
+      const float t = found[k].t;
+      for (const float near : {std::nextafter(t, 0.0f), t, std::nextafter(t, INFINITY), 1.001f * t}) {
+        rays.push_back(rays[k]), rays.back().tnear = near;
+      }
+      rays.push_back(rays[k]), rays.back().tfar = t;
+    }
+    const std::vector<uint8_t> expected = Occluded(brute, rays), answers = Occluded(wide, rays);
+    for (size_t k = 0; k < rays.size(); ++k) {
+      ASSERT_EQ(answers[k], expected[k]) << i << ' ' << k;
+      hits += answers[k], ++asked;
+    }
+  }
+  EXPECT_GT(hits, asked / 3);
+  EXPECT_LT(hits, asked - asked / 10);
 }
 
 }  // namespace

@@ -27,13 +27,6 @@ struct SlabRay4 {
     inv_near = Float4(Int4(Smaller<4>(Abs(inv), Splat<Float4>(kMax))) | sign) * near_scale;
     inv_far = inv * far_scale;
   }
-
-  /// As SlabRay::Widened.
-  SlabRay4 Widened(Slack slack) const {
-    SlabRay4 wide = *this;
-    if (slack == Slack::kFarEnd) wide.inv_near = inv_near * SlabRay::kNearScale;
-    return wide;
-  }
 };
 
 /// What the node test multiplies and adds. kMoved: t = p inv - o inv, one instruction where t = (p - o) inv takes two.
@@ -56,8 +49,9 @@ class WideRay {
             7u) == 7u;
   }
 
-  [[gnu::always_inline]] explicit WideRay(const SlabRay4& slab) {
-    Float4 n = slab.inv_near, f = slab.inv_far, near_move = slab.org, far_move = slab.org;
+  /// `widening` scales the near ends, as SlabRay::Widened() does.
+  [[gnu::always_inline]] explicit WideRay(const SlabRay4& slab, float widening = 1) {
+    Float4 n = slab.inv_near * widening, f = slab.inv_far, near_move = slab.org, far_move = slab.org;
     if constexpr (kMoved) {
       n = n * (1 - 0x1p-21f), f = f * (1 + 0x1p-21f);
       const Float4 on = slab.org * n, of = slab.org * f;
@@ -81,6 +75,11 @@ class WideRay {
             fx = T(rows(far_row_[0]), far_scale_[0], far_move_[0]),
             fy = T(rows(far_row_[1]), far_scale_[1], far_move_[1]),
             fz = T(rows(far_row_[2]), far_scale_[2], far_move_[2]);
+    if constexpr (kMoved) {  // no NaN, so that operands may come in any order: a shorter chain
+      entry = Larger<kWidth>(Larger<kWidth>(nx, ny), Larger<kWidth>(nz, tnear));
+      const F exit = Smaller<kWidth>(Smaller<kWidth>(fx, fy), Smaller<kWidth>(fz, tfar));
+      return LessEqual<kWidth>(entry, exit);
+    }
     entry = Larger<kWidth>(nx, Larger<kWidth>(ny, Larger<kWidth>(nz, tnear)));
     const F exit = Smaller<kWidth>(fx, Smaller<kWidth>(fy, Smaller<kWidth>(fz, tfar)));
     return LessEqual<kWidth>(entry, exit);

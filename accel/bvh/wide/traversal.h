@@ -148,51 +148,66 @@ class WideBvhOf final : public WideBvh {
     const bool in_lanes = kInline && geometry_.procedural_count == 0;
     ForEachRay<Counter>(query, [&](auto any, const RayQuery& q, rb_hit& best, Counter& counter) {
       const SlabRay4 slab(q.ray, Test::kSlack);
-      const SlabRay4 boxes = clipped_ ? slab.Widened(Test::kSlack) : slab;
-      const auto trace = [&](const auto& leaf) {
+      // Not a second SlabRay4: read whole, what was just written in parts waits for the memory.
+      const float widening = clipped_ && Test::kSlack == Slack::kFarEnd ? SlabRay::kNearScale : 1;
+      const auto trace = [&](const auto& make_leaf) {
         if constexpr (kMayMove) {
-          if (WideRay<kWidth, true>::Fits(boxes)) [[likely]] {
-            Trace<any.value>(WideRay<kWidth, true>(boxes), leaf, q, best, counter);
+          if (WideRay<kWidth, true>::Fits(slab)) [[likely]] {
+            Trace<any.value>(WideRay<kWidth, true>(slab, widening), make_leaf, q, best, counter);
             return;
           }
         }
-        Trace<any.value>(WideRay<kWidth, false>(boxes), leaf, q, best, counter);
+        Trace<any.value>(WideRay<kWidth, false>(slab, widening), make_leaf, q, best, counter);
       };
       if constexpr (kInline) {
         if (in_lanes) {
-          trace(WatertightLeafTest<kLanes>(q, slab, needs_uv_));
+          trace([&]() [[gnu::always_inline]] { return WatertightLeafTest<kLanes>(q, slab, needs_uv_); });
           return;
         }
       }
       const RayState<Test> state(q);
-      trace(CalledLeafTest<kLanes>(state, geometry_));
+      trace(Made{CalledLeafTest<kLanes>(state, geometry_)});
     });
   }
 
+  /// In place of what makes a leaf test when the first node was met: one that is shared by several tests.
+  struct Made {
+    CalledLeafTest<kLanes> leaf;
+    const CalledLeafTest<kLanes>& operator()() const { return leaf; }
+  };
+
   /// A loop that is shared by several tests stands apart, once.
-  template <bool kAnyHit, class Ray, class LeafTest, class Counter>
-  [[gnu::always_inline]] void Trace(const Ray& ray, const LeafTest& leaf, const RayQuery& q, rb_hit& best,
-                                    Counter& counter) const {
-    if constexpr (std::is_same_v<LeafTest, CalledLeafTest<kLanes>>) {
-      TraceApart<kAnyHit>(ray, leaf, q, best, counter);
+  template <bool kAnyHit, class Ray, class MakeLeaf, class Counter>
+  [[gnu::always_inline]] void Trace(const Ray& ray, const MakeLeaf& make_leaf, const RayQuery& q,
+                                    rb_hit& best, Counter& counter) const {
+    if constexpr (std::is_same_v<MakeLeaf, Made>) {
+      TraceApart<kAnyHit>(ray, make_leaf, q, best, counter);
     } else {
-      TraceHere<kAnyHit>(ray, leaf, q, best, counter);
+      TraceHere<kAnyHit>(ray, make_leaf, q, best, counter);
     }
   }
-  template <bool kAnyHit, class Ray, class LeafTest, class Counter>
-  [[gnu::noinline]] void TraceApart(const Ray& ray, const LeafTest& leaf, const RayQuery& q, rb_hit& best,
-                                    Counter& counter) const {
-    TraceHere<kAnyHit>(ray, leaf, q, best, counter);
+  template <bool kAnyHit, class Ray, class MakeLeaf, class Counter>
+  [[gnu::noinline]] void TraceApart(const Ray& ray, const MakeLeaf& make_leaf, const RayQuery& q,
+                                    rb_hit& best, Counter& counter) const {
+    TraceHere<kAnyHit>(ray, make_leaf, q, best, counter);
   }
-  template <bool kAnyHit, class Ray, class LeafTest, class Counter>
-  [[gnu::always_inline]] void TraceHere(const Ray& ray, const LeafTest& leaf, const RayQuery& q, rb_hit& best,
-                                        Counter& counter) const {
+  template <bool kAnyHit, class Ray, class MakeLeaf, class Counter>
+  [[gnu::always_inline]] void TraceHere(const Ray& ray, const MakeLeaf& make_leaf, const RayQuery& q,
+                                        rb_hit& best, Counter& counter) const {
     if (root_ != 0) {
-      TakeLeaf<kAnyHit>(root_, leaf, best, counter);
-    } else if constexpr (kAnyHit) {
-      Any(ray, leaf, q, best, counter);
+      TakeLeaf<kAnyHit>(root_, make_leaf(), best, counter);
+      return;
+    }
+    const F tnear = Splat<F>(q.ray.tnear + 0.0f),  // no -0, whose bits are the least integer
+        tfar = Splat<F>(best.t);
+    F entry;
+    const unsigned children = Meets(NodeOf(0), ray, tnear, tfar, entry, counter);
+    if (children == 0) return;  // before anything is made for the leaves
+    const auto& leaf = make_leaf();
+    if constexpr (kAnyHit) {
+      Any(ray, leaf, tnear, tfar, children, best, counter);
     } else {
-      Closest(ray, leaf, q, best, counter);
+      Closest(ray, leaf, tnear, tfar, entry, children, best, counter);
     }
   }
 
@@ -208,6 +223,7 @@ class WideBvhOf final : public WideBvh {
   [[gnu::always_inline]] static unsigned Meets(const Node& node, const Ray& ray, F tnear, F tfar, F& entry,
                                                Counter& counter) {
     counter.Step(sizeof(Node)), counter.Bounds(kWidth);
+    __builtin_prefetch(node.child);  // needed last, and by then alone
     return ray.Meets([&](unsigned row) { return node.Row(row); }, tnear, tfar, entry);
   }
 
@@ -220,45 +236,41 @@ class WideBvhOf final : public WideBvh {
 
   /// Children in the order of lanes: leaves first, then by falling area, which is what blocks most. No distances.
   template <class Ray, class LeafTest, class Counter>
-  [[gnu::always_inline]] void Any(const Ray& ray, const LeafTest& leaf, const RayQuery& q, rb_hit& best,
-                                  Counter& counter) const {
+  [[gnu::always_inline]] void Any(const Ray& ray, const LeafTest& leaf, F tnear, F tfar, unsigned children,
+                                  rb_hit& best, Counter& counter) const {
     struct Waiting {
       const Node* node;
       unsigned children;  // bits
     };
     Waiting stack[kMaxTreeDepth];
     Waiting* top = stack;
-    const F tnear = Splat<F>(q.ray.tnear), tfar = Splat<F>(best.t);
     const Node* node = &NodeOf(0);
     for (;;) {
-      F entry;
-      unsigned children = Meets(*node, ray, tnear, tfar, entry, counter);
-      for (;;) {
-        while (children == 0) {
-          if (top == stack) return;
-          --top;
-          node = top->node, children = top->children;
-        }
-        const uint32_t ref = node->child[__builtin_ctz(children)];
-        children &= children - 1;
-        Prefetch(*node, children);
-        if ((ref & kLeaf) != 0) {
-          if (TakeLeaf<true>(ref, leaf, best, counter)) return;
-          continue;
-        }
-        *top = {node, children};
-        top += children != 0;
-        node = &NodeOf(ref);
-        break;
+      while (children == 0) {
+        if (top == stack) return;
+        --top;
+        node = top->node, children = top->children;
       }
+      const uint32_t ref = node->child[__builtin_ctz(children)];
+      children &= children - 1;
+      Prefetch(*node, children);
+      if ((ref & kLeaf) != 0) {
+        if (TakeLeaf<true>(ref, leaf, best, counter)) return;
+        continue;
+      }
+      *top = {node, children};
+      top += children != 0;
+      node = &NodeOf(ref);
+      F entry;
+      children = Meets(*node, ray, tnear, tfar, entry, counter);
     }
   }
 
   /// The nearest child first. The others wait together, with where the ray enters them: what lies behind a hit found
   /// meanwhile is dropped when their turn comes.
   template <class Ray, class LeafTest, class Counter>
-  [[gnu::always_inline]] void Closest(const Ray& ray, const LeafTest& leaf, const RayQuery& q, rb_hit& best,
-                                      Counter& counter) const {
+  [[gnu::always_inline]] void Closest(const Ray& ray, const LeafTest& leaf, F tnear, F tfar, F entry,
+                                      unsigned children, rb_hit& best, Counter& counter) const {
     struct Waiting {
       F entry;
       const Node* node;
@@ -266,36 +278,30 @@ class WideBvhOf final : public WideBvh {
     };
     Waiting stack[kMaxTreeDepth];
     Waiting* top = stack;
-    const F tnear = Splat<F>(q.ray.tnear + 0.0f);  // no -0, whose bits are the least integer
-    F tfar = Splat<F>(best.t);
     const Node* node = &NodeOf(0);
     for (;;) {
-      F entry;
-      unsigned children = Meets(*node, ray, tnear, tfar, entry, counter);
-      for (;;) {
-        while (children == 0) {
-          if (top == stack) return;
-          --top;
-          node = top->node, entry = top->entry;
-          children = top->children & LessEqual<kWidth>(entry, tfar);
-        }
-        const bool is_one = (children & (children - 1)) == 0;
-        const unsigned i = is_one ? unsigned(__builtin_ctz(children)) : LaneOfLeast<kWidth>(entry, children);
-        const uint32_t ref = node->child[i];
-        children &= ~(1u << i);
-        Prefetch(*node, children);
-        if ((ref & kLeaf) != 0) {
-          if (TakeLeaf<false>(ref, leaf, best, counter)) {
-            tfar = Splat<F>(best.t);
-            children &= LessEqual<kWidth>(entry, tfar);
-          }
-          continue;
-        }
-        top->entry = entry, top->node = node, top->children = children;
-        top += children != 0;
-        node = &NodeOf(ref);
-        break;
+      while (children == 0) {
+        if (top == stack) return;
+        --top;
+        node = top->node, entry = top->entry;
+        children = top->children & LessEqual<kWidth>(entry, tfar);
       }
+      const bool is_one = (children & (children - 1)) == 0;
+      const unsigned i = is_one ? unsigned(__builtin_ctz(children)) : LaneOfLeast<kWidth>(entry, children);
+      const uint32_t ref = node->child[i];
+      children &= ~(1u << i);
+      Prefetch(*node, children);
+      if ((ref & kLeaf) != 0) {
+        if (TakeLeaf<false>(ref, leaf, best, counter)) {
+          tfar = Splat<F>(best.t);
+          children &= LessEqual<kWidth>(entry, tfar);
+        }
+        continue;
+      }
+      top->entry = entry, top->node = node, top->children = children;
+      top += children != 0;
+      node = &NodeOf(ref);
+      children = Meets(*node, ray, tnear, tfar, entry, counter);
     }
   }
 
