@@ -32,7 +32,7 @@ Bvh2::Bvh2(const rb_geometry& geometry, const BinaryTree& tree) : clipped_(tree.
       if (node.count > kMaxLeaf || blocks > kMostFirstBlock) throw std::runtime_error("too many primitives");
       ref = LeafRef(node.count, blocks);
       leaves.push_back({p.slot, blocks});
-      blocks += uint32_t(LeafBlocks<>::BlocksOf(node.count));
+      blocks += uint32_t(Blocks::BlocksOf(node.count));
     } else {
       ref = uint32_t(inner.size());
       inner.push_back(p.slot);
@@ -51,7 +51,7 @@ Bvh2::Bvh2(const rb_geometry& geometry, const BinaryTree& tree) : clipped_(tree.
 
   // Second pass, in parallel: fill them.
   nodes_ = HugeArray<Node>(inner.size());
-  leaves_ = LeafBlocks<>(geometry, blocks);
+  leaves_ = Blocks(geometry, blocks);
   ParallelFor(Range<size_t>(0, inner.size(), 1024), [&](const auto& range) {
     for (size_t i = range.begin(); i < range.end(); ++i) {
       Node& node = nodes_[i];

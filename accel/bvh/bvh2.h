@@ -45,6 +45,8 @@ class Bvh2 {
   }
 
  private:
+  /// As wide as a leaf test can be: a leaf costs less than the nodes that it saves.
+  using Blocks = LeafBlocks<8>;
   static constexpr uint32_t kLeaf = 0x80000000u, kEmpty = 0xFFFFFFFFu, kBlockBits = 27;
 
   struct alignas(64) Node {
@@ -70,6 +72,8 @@ class Bvh2 {
 
   template <class Test, class Counter, bool kProcedural, bool kAnyHit>
   void Trace(const RayState<Test>& ray, rb_hit& best, Counter& counter) const;
+  template <class NodeTest, class Test, class Counter, bool kProcedural, bool kAnyHit>
+  void Walk(const NodeTest& test, const RayState<Test>& ray, rb_hit& best, Counter& counter) const;
 
   template <class Test, class Counter, bool kProcedural, bool kAnyHit>
   bool Leaf(uint32_t ref, const RayState<Test>& ray, rb_hit& best, Counter& counter) const;
@@ -78,7 +82,7 @@ class Bvh2 {
   int VisitBelow(uint32_t ref, const Bounds3& box, uint32_t depth, Fn& node) const;
 
   HugeArray<Node> nodes_;
-  LeafBlocks<> leaves_;
+  Blocks leaves_;
   uint32_t root_ = kEmpty;
   Bounds3 bounds_;
   bool clipped_ = false;

@@ -1,64 +1,93 @@
 // How rays walk a Bvh2. Compiled once for all structures that are one.
-#include "accel/base/simd.h"
+#include "accel/base/lanes.h"
 #include "accel/bvh/bvh2.h"
 
 namespace raybench {
 namespace {
 
-/// The ray's constants as the four lanes of a node need them: entry of both children, then minus their exit,
-/// so that one running maximum serves both.
+/// The ray's constants as the four lanes of a node need them: entry of both children, then minus their exit, so that one
+/// running maximum serves both. kMoved: as MovedSlab has it.
+template <bool kMoved>
 class NodeTest {
  public:
-  explicit NodeTest(const SlabRay& slab) {
+  [[gnu::always_inline]] NodeTest(const SlabRay& slab, float widening) {
+    Float4 near = slab.inv_near * widening, exit = -slab.inv_far, near_move = slab.org, exit_move = slab.org;
+    if constexpr (kMoved) {
+      const MovedSlab moved(slab, widening);
+      near = moved.near_scale, exit = -moved.far_scale, near_move = moved.near_move,
+      exit_move = -moved.far_move;
+    }
     for (int a = 0; a < 3; ++a) {
-      org_[a] = Splat<Float4>(slab.org[a]);
-      inv_[a] = Float4{slab.inv_near[a], slab.inv_near[a], -slab.inv_far[a], -slab.inv_far[a]};
-      near_first_[a] = LaneXor<4>(slab.negative[a] ? 2 : 0);
+      scale_[a] = Float4{near[a], near[a], exit[a], exit[a]};
+      move_[a] = Float4{near_move[a], near_move[a], exit_move[a], exit_move[a]};
+      near_first_[a] = LaneXor<4>(slab.negative(a) ? 2 : 0);
     }
   }
 
   /// Lanes 0, 1: entry; lanes 2, 3: minus exit. `limits`: tnear, tnear, -tfar, -tfar.
-  Float4 Intervals(const float (&bounds)[3][4], Float4 limits) const {
-    Float4 m = limits;
-    for (int a = 0; a < 3; ++a) {
-      m = MaxOrSecond((near_first_[a](Load<Float4>(bounds[a])) - org_[a]) * inv_[a], m);
-    }
-    return m;
+  [[gnu::always_inline]] Float4 Intervals(const float (&bounds)[3][4], Float4 limits) const {
+    const auto t = [&](int a) {
+      const Float4 planes = near_first_[a](Load<Float4>(bounds[a]));
+      if constexpr (kMoved) return MultiplyAdd<4>(planes, scale_[a], move_[a]);
+      return (planes - move_[a]) * scale_[a];
+    };
+    if constexpr (kMoved) return Larger<4>(Larger<4>(t(0), t(1)), Larger<4>(t(2), limits));
+    return Larger<4>(t(2), Larger<4>(t(1), Larger<4>(t(0), limits)));
   }
 
  private:
-  Float4 org_[3], inv_[3];
+  Float4 scale_[3], move_[3];
   LaneXor<4> near_first_[3];
 };
+
+/// Keeps branches apart that differ only in what they load. The processor then guesses where a ray goes on and asks for
+/// that node before it knows; one load by a computed index would wait for the node test, at every step.
+[[gnu::always_inline]] inline void StayBranch() { asm volatile(""); }
 
 }  // namespace
 
 /// True if `best` changed.
 template <class Test, class Counter, bool kProcedural, bool kAnyHit>
-inline bool Bvh2::Leaf(uint32_t ref, const RayState<Test>& ray, rb_hit& best, Counter& counter) const {
+[[gnu::always_inline]] inline bool Bvh2::Leaf(uint32_t ref, const RayState<Test>& ray, rb_hit& best,
+                                              Counter& counter) const {
   const uint32_t first = FirstBlock(ref), count = LeafSize(ref);
   counter.Step(0);
   counter.Leaf(false);
   // As a whole, also where a hit ends the search in it.
-  counter.Prims(count, LeafBlocks<>::BlocksOf(count) * sizeof(LeafBlocks<>::Block));
+  counter.Prims(count, Blocks::BlocksOf(count) * sizeof(Blocks::Block));
   NoCounting counted;
   return leaves_.Intersect<kProcedural, kAnyHit>(first, count, ray, best, counted, NoMailbox{});
 }
 
 template <class Test, class Counter, bool kProcedural, bool kAnyHit>
 inline void Bvh2::Trace(const RayState<Test>& ray, rb_hit& best, Counter& counter) const {
+  if (root_ == kEmpty) return;
+  const float widening = clipped_ ? SlabRay::Widening(Test::kSlack) : 1;
+  // Moved products find more than the shared test does, which the tests of `fast` notice; and counts shall not depend
+  // on the machine.
+  if constexpr (!Counter::kCounts && Test::kSlack != Slack::kNone) {
+    if (MovedSlab::Fits(ray.slab)) [[likely]] {
+      Walk<NodeTest<true>, Test, Counter, kProcedural, kAnyHit>({ray.slab, widening}, ray, best, counter);
+      return;
+    }
+  }
+  Walk<NodeTest<false>, Test, Counter, kProcedural, kAnyHit>({ray.slab, widening}, ray, best, counter);
+}
+
+/// The nearer child first; any-hit, which need not know, the left one.
+template <class NodeTest, class Test, class Counter, bool kProcedural, bool kAnyHit>
+[[gnu::noinline]] void Bvh2::Walk(const NodeTest& test, const RayState<Test>& ray, rb_hit& best,
+                                  Counter& counter) const {
   struct Entry {
     uint32_t ref;
     float tnear;
   };
   Entry stack[kMaxTreeDepth];
-  int top = 0;
-  uint32_t ref = root_;
-  if (ref == kEmpty) return;
-  const NodeTest test(clipped_ ? ray.SlabOfParts() : ray.slab);
+  Entry* top = stack;
   const float tnear = ray.query.ray.tnear;
   Float4 limits{tnear, tnear, -best.t, -best.t};
-  for (;;) {
+  for (uint32_t ref = root_;;) {
+    bool is_missed = false;
     while ((ref & kLeaf) == 0) {
       const Node& node = nodes_[ref];
       counter.Step(sizeof(Node));
@@ -66,27 +95,38 @@ inline void Bvh2::Trace(const RayState<Test>& ray, rb_hit& best, Counter& counte
       const Float4 m = test.Intervals(node.bounds, limits);
       const Float4 gap = m + __builtin_shufflevector(m, m, 2, 3, 0, 1);  // entry - exit
       const unsigned hit = Mask(gap <= Float4{}) & 3u;
+      const auto both = [&](uint32_t first, uint32_t second, float entry) {
+        StayBranch();
+        __builtin_prefetch(Address(second));
+        *top++ = {second, entry};
+        ref = first;
+      };
       if (hit == 3) {
-        const unsigned far = m[0] <= m[1];
-        __builtin_prefetch(Address(node.child[far]));
-        stack[top++] = {node.child[far], far ? m[1] : m[0]};
-        ref = node.child[far ^ 1];
-      } else if (hit != 0) {
-        ref = node.child[hit >> 1];
+        if (kAnyHit || m[0] <= m[1]) {
+          both(node.child[0], node.child[1], m[1]);
+        } else {
+          both(node.child[1], node.child[0], m[0]);
+        }
+      } else if (hit == 1) {
+        StayBranch();
+        ref = node.child[0];
+      } else if (hit == 2) {
+        StayBranch();
+        ref = node.child[1];
       } else {
-        ref = kEmpty;
+        is_missed = true;
         break;
       }
     }
-    if (ref != kEmpty && Leaf<Test, Counter, kProcedural, kAnyHit>(ref, ray, best, counter)) {
+    if (!is_missed && Leaf<Test, Counter, kProcedural, kAnyHit>(ref, ray, best, counter)) {
       if constexpr (kAnyHit) return;
       limits = Float4{tnear, tnear, -best.t, -best.t};
     }
     do {
-      if (top == 0) return;
+      if (top == stack) return;
       --top;
-    } while (stack[top].tnear > best.t);
-    ref = stack[top].ref;
+    } while (!kAnyHit && top->tnear > best.t);
+    ref = top->ref;
   }
 }
 

@@ -21,7 +21,7 @@ struct BvhConfig {
 
   /// Smaller leaves than a block do not fill it.
   SahCosts Costs() const {
-    return {uint32_t(leaf_size), uint32_t(std::min<int64_t>(leaf_size, 4)), float(traversal_cost)};
+    return {uint32_t(leaf_size), uint32_t(std::min<int64_t>(leaf_size, 8)), float(traversal_cost)};
   }
   bool Padded() const { return IsConservative(numerics); }
 };
@@ -33,7 +33,7 @@ constexpr rb_param BvhLeafSize(double by_default) {
                   double(Bvh2::kMaxLeaf), by_default);
 }
 inline constexpr rb_param kBvhTraversalCost =
-    FloatParam("traversal_cost", "cost of a node in units of one leaf block of four primitives",
+    FloatParam("traversal_cost", "cost of a node in units of one leaf block of eight primitives",
                offsetof(BvhConfig, traversal_cost), 0, 100, 1.5);
 inline constexpr rb_param kBvhReinsertion =
     IntParam("reinsertion", "passes that move subtrees to where they cost less",

@@ -132,7 +132,7 @@ inline void KdTree::Trace(const RayState<Test>& ray, rb_hit& best, Counter& coun
     uint32_t negative;
   } axes[3];
   const SlabRay slab = ray.SlabOfParts();
-  for (int a = 0; a < 3; ++a) axes[a] = {slab.org[a], slab.inv_near[a], slab.inv_far[a], slab.negative[a]};
+  for (int a = 0; a < 3; ++a) axes[a] = {slab.org[a], slab.inv_near[a], slab.inv_far[a], slab.negative(a)};
 
   float tnear, tfar;
   slab.Interval(cell_, tnear, tfar);

@@ -33,6 +33,7 @@
 #include <cmath>
 #include <limits>
 
+#include "accel/base/lanes.h"
 #include "accel/base/vec3.h"
 #include "accel/contract/raybench.h"
 #include "accel/contract/structure.h"
@@ -72,43 +73,73 @@ inline Bounds3 PaddedPrimBounds(const rb_geometry& g, uint32_t prim) {
   return PaddedBounds(Vertex(g, prim, 0), Vertex(g, prim, 1), Vertex(g, prim, 2));
 }
 
-/// What a ray brings to slab tests, with its ends scaled as above.
+/// What a ray brings to slab tests, with its ends scaled as above: an axis a lane; the last lane is not used.
 struct SlabRay {
   static constexpr float kNearScale = 1 - 0x1p-19f;
 
-  Vec3f org;
-  Vec3f inv_near, inv_far;  ///< 1/d; the near one stays finite
-  bool negative[3];         ///< sign bit of d: the upper plane is met first
+  Float4 org;
+  Float4 inv_near, inv_far;  ///< 1/d; the near one stays finite
+  unsigned signs;            ///< bit a: the sign bit of d[a]
 
-  SlabRay(const rb_ray& ray, Slack slack) : org(LoadVec3(ray.org)) {
+  [[gnu::always_inline]] SlabRay(const rb_ray& ray, Slack slack) {
     constexpr float kMax = std::numeric_limits<float>::max();
     const float near_scale = slack == Slack::kBothEnds ? kNearScale : 1;
     const float far_scale = slack == Slack::kNone ? 1 : 1 + 0x1p-19f;
-    for (int a = 0; a < 3; ++a) {
-      const float inv = 1 / ray.dir[a];
-      negative[a] = std::signbit(ray.dir[a]);
-      inv_near[a] = (std::fabs(inv) <= kMax ? inv : std::copysign(kMax, inv)) * near_scale;
-      inv_far[a] = inv * far_scale;
-    }
+    org = Load<Float4>(ray.org);
+    const Float4 dir = Load<Float4>(ray.dir), inv = 1 / dir;
+    signs = Mask(dir) & 7u;
+    const Int4 sign = Int4(inv) & int32_t(0x80000000);
+    inv_near = Float4(Int4(Smaller<4>(Abs(inv), Splat<Float4>(kMax))) | sign) * near_scale;
+    inv_far = inv * far_scale;
   }
+
+  /// The upper plane is met first.
+  bool negative(int axis) const { return (signs >> axis & 1) != 0; }
 
   /// For boxes of parts of primitives, where `slack` is that of this: none, or at both ends.
   SlabRay Widened(Slack slack) const {
     SlabRay wide = *this;
-    if (slack == Slack::kFarEnd) wide.inv_near = inv_near * kNearScale;
+    wide.inv_near = inv_near * Widening(slack);
     return wide;
   }
+  static constexpr float Widening(Slack slack) { return slack == Slack::kFarEnd ? kNearScale : 1; }
 
   /// The t interval inside the box; `tnear > tfar` if there is none.
   void Interval(const Bounds3& box, float& tnear, float& tfar) const {
     tnear = -std::numeric_limits<float>::infinity();
     tfar = std::numeric_limits<float>::infinity();
     for (int a = 0; a < 3; ++a) {
-      const float n = ((negative[a] ? box.hi[a] : box.lo[a]) - org[a]) * inv_near[a];
-      const float f = ((negative[a] ? box.lo[a] : box.hi[a]) - org[a]) * inv_far[a];
+      const float n = ((negative(a) ? box.hi[a] : box.lo[a]) - org[a]) * inv_near[a];
+      const float f = ((negative(a) ? box.lo[a] : box.hi[a]) - org[a]) * inv_far[a];
       tnear = n > tnear ? n : tnear;
       tfar = f < tfar ? f : tfar;
     }
+  }
+};
+
+/// A SlabRay for tests that take t = p scale + move, one instruction where t = (p - o) / d takes two.
+///
+/// That errs by 2^-23 |o / d| more than (p - o) / d does, however close p is to o. So the product o / d is moved outward
+/// by 2^-22 of itself, and 1/d by 2^-21, once a ray: then the interval of a box contains the one that SlabRay computes
+/// of it (with u = 2^-24: relative errors of at most 2 u there and 3 u here; 2 u |o / d| here; a near end below zero
+/// may move up, but stays below zero). Boxes grow by no more than the coordinates of the origin are worth. No plane, be
+/// it infinite, gives NaN.
+struct MovedSlab {
+  Float4 near_scale, far_scale, near_move, far_move;
+
+  /// Neither do products overflow, nor does o / d underflow: else the above does not hold.
+  static bool Fits(const SlabRay& slab) {
+    constexpr float kMost = 0x1p60f;
+    const Float4 inv = Abs(slab.inv_far), org = Abs(slab.org);
+    return (Mask((inv < kMost) & (inv > 1 / kMost) & (org < kMost) & ((org > 1 / kMost) | (org == 0.0f))) &
+            7u) == 7u;
+  }
+
+  /// `widening` scales the near ends, as SlabRay::Widened() does.
+  [[gnu::always_inline]] explicit MovedSlab(const SlabRay& slab, float widening = 1)
+      : near_scale(slab.inv_near * widening * (1 - 0x1p-21f)), far_scale(slab.inv_far * (1 + 0x1p-21f)) {
+    const Float4 on = slab.org * near_scale, of = slab.org * far_scale;
+    near_move = -on - Abs(on) * 0x1p-22f, far_move = -of + Abs(of) * 0x1p-22f;
   }
 };
 

@@ -134,7 +134,16 @@ class LeafBlocks {
       candidates &= mailbox.Unseen(block->prim);
       if (!std::remove_reference_t<Box>::kKeeps || candidates != 0) {
         counter.Prims(uint64_t(__builtin_popcount(candidates)), sizeof(Block));
-        if constexpr (!kProcedural) candidates &= ray.test.MayHit(Lanes<kLanes>{block->v});
+        if constexpr (!kProcedural && RayState<Test>::kInLanes) {
+          // The registers belong to traversal: what is needed here stays in memory.
+          const RayState<Test>* state = &ray;
+          asm("" : "+r"(state));
+          changed |=
+              state->lanes.template Take<kAnyHit>(*block, candidates, state->query, state->slab, true, best);
+          candidates = 0;
+        } else if constexpr (!kProcedural) {
+          candidates &= ray.test.MayHit(Lanes<kLanes>{block->v});
+        }
         for (; candidates != 0; candidates &= candidates - 1) {
           const int i = __builtin_ctz(candidates);
           if constexpr (kProcedural) {
@@ -147,6 +156,7 @@ class LeafBlocks {
           }
           if (kAnyHit && changed) return true;
         }
+        if (kAnyHit && changed) return true;
       }
       if (left <= kLanes) return changed;
       left -= kLanes;

@@ -12,6 +12,7 @@
 #include "accel/contract/structure.h"
 #include "accel/ray/bounds.h"
 #include "accel/ray/triangle.h"
+#include "accel/ray/watertight_lanes.h"
 
 namespace raybench {
 
@@ -20,8 +21,11 @@ struct RayState {
   RayQuery query;
   SlabRay slab;
   Test test;
+  static constexpr bool kInLanes = std::is_same_v<Test, WatertightTest>;  ///< for many triangles at once, too
+  struct Nothing {};
+  [[no_unique_address]] std::conditional_t<kInLanes, WatertightLanes, Nothing> lanes;
 
-  explicit RayState(const RayQuery& q) : query(q), slab(q.ray, Test::kSlack), test(q.ray) {}
+  explicit RayState(const RayQuery& q) : query(q), slab(q.ray, Test::kSlack), test(q.ray), lanes(Lanes()) {}
 
   /// What traversal asks where boxes hold parts of primitives (ray/bounds.h).
   SlabRay SlabOfParts() const { return slab.Widened(Test::kSlack); }
@@ -49,6 +53,13 @@ struct RayState {
   }
 
  private:
+  auto Lanes() const {
+    if constexpr (kInLanes) {
+      return WatertightLanes(query, slab, test.shear());
+    } else {
+      return Nothing{};
+    }
+  }
   bool Procedural(const rb_geometry& g, uint32_t prim, const rb_ray& ray, rb_hit& best) const {
     rb_hit found{};
     return g.procedural_intersect(g.procedural_user, prim - g.triangle_count, uint32_t(Test::kNumerics), &ray,

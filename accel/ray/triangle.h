@@ -1,7 +1,8 @@
 // The ray-triangle tests that all structures share, one class each, chosen by the build parameter `numerics`.
 //
-// Each test offers MayHit, a filter over some triangles at once, and Intersect, which decides. MayHit never
-// rejects what Intersect accepts: it computes the same in the same order, or allows for the difference.
+// Each test offers Intersect, which decides, and MayHit, a filter over some triangles at once. MayHit never rejects what
+// Intersect accepts: it computes the same in the same order, or allows for the difference. Watertight has more than a
+// filter: it decides some triangles at once (watertight_lanes.h).
 //
 //   fast        Moeller-Trumbore in float: leaks
 //   watertight  Woop, vertices sheared in float, signs exact given these: no leaks, ids beside edges by rounding
@@ -169,7 +170,7 @@ struct RayShear {
   /// For filters, from a vertex's coordinates on the axes kx, ky, kz: what Point() says but for kTiny; x and
   /// y are NaN where that is in double. z stays along the main axis, relative to the origin.
   template <class F>
-  void Apply(F px, F py, F pz, F& x, F& y, F& z) const {
+  [[gnu::always_inline]] void Apply(F px, F py, F pz, F& x, F& y, F& z) const {
     z = pz - org[kz];
     x = (px - org[kx]) - sx * z;
     y = (py - org[ky]) - sy * z;
@@ -255,20 +256,7 @@ class WatertightTest {
   static constexpr Slack kSlack = Slack::kFarEnd;
 
   explicit WatertightTest(const rb_ray& ray) : shear_(ray) {}
-
-  /// Bit i: triangle i may be hit. A non-zero difference of rounded products has the right sign.
-  template <int kWidth>
-  unsigned MayHit(Lanes<kWidth> p) const {
-    using F = FloatN<kWidth>;
-    F x[3], y[3], z;
-    for (int i = 0; i < 3; ++i)
-      shear_.Apply(p(i, shear_.kx), p(i, shear_.ky), p(i, shear_.kz), x[i], y[i], z);
-    const F u = x[2] * y[1] - y[2] * x[1], v = x[0] * y[2] - y[0] * x[2], w = x[1] * y[0] - y[1] * x[0];
-    constexpr float kTiny = RayShear::kTiny;
-    const auto negative = (u < -kTiny) | (v < -kTiny) | (w < -kTiny);
-    const auto positive = (u > kTiny) | (v > kTiny) | (w > kTiny);
-    return ~Mask(negative & positive) & kAllLanes<kWidth>;
-  }
+  const RayShear& shear() const { return shear_; }
 
   bool Intersect(Vec3f p0, Vec3f p1, Vec3f p2, PrimHit& hit) const {
     const Vec3d a[3] = {shear_.Point(p0), shear_.Point(p1), shear_.Point(p2)};

@@ -193,7 +193,7 @@ class VoxelGrid::Walker {
     int32_t cell[3], step[3], stop[3];
     double next[3], wall[3], base[3], delta[3];  // the wall with index wall[a] is met at base + wall delta
     for (int a = 0; a < 3; ++a) {
-      const bool negative = ray_.slab.negative[a], parallel = dir_[a] == 0;
+      const bool negative = ray_.slab.negative(a), parallel = dir_[a] == 0;
       cell[a] = level.Index(a, org_[a] + begin * dir_[a]);
       step[a] = negative ? -1 : 1;
       stop[a] = negative ? -1 : level.res[a];
@@ -282,7 +282,7 @@ class VoxelGrid::Walker {
     if (to[axis] - from[axis] == 1) return Visit(level, from);
     int32_t middle_to[3] = {to[0], to[1], to[2]}, middle_from[3] = {from[0], from[1], from[2]};
     middle_to[axis] = middle_from[axis] = from[axis] + (to[axis] - from[axis]) / 2;
-    return ray_.slab.negative[axis] ? Descend(level, middle_from, to) || Descend(level, from, middle_to)
+    return ray_.slab.negative(axis) ? Descend(level, middle_from, to) || Descend(level, from, middle_to)
                                     : Descend(level, from, middle_to) || Descend(level, middle_from, to);
   }
 

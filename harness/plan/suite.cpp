@@ -209,7 +209,7 @@ class Reader {
       try {
         for (const std::string& spec : WithNumerics(text)) {
           const std::string canonical = ParseContestant(registry_, spec).Spec();
-          // Grids meet: bvh_sah and bvh_sah(leaf_size=8) are the same where that is the default.
+          // Grids meet: bvh_sah and bvh_sah(leaf_size=16) are the same where that is the default.
           if (seen_.insert(canonical).second) suite.structures.push_back(canonical);
         }
       } catch (const InputError& error) {

@@ -72,9 +72,9 @@ template <int kWidth>
 unsigned Meets(const FullNode<kWidth>& node, const rb_ray& ray, Slack slack, float tfar,
                FloatN<kWidth>& entry, bool& moved) {
   using F = FloatN<kWidth>;
-  const SlabRay4 slab(ray, slack);
+  const SlabRay slab(ray, slack);
   const auto rows = [&](unsigned row) { return node.Row(row); };
-  moved = WideRay<kWidth, true>::Fits(slab);
+  moved = MovedSlab::Fits(slab);
   return moved ? WideRay<kWidth, true>(slab).Meets(rows, Splat<F>(ray.tnear), Splat<F>(tfar), entry)
                : WideRay<kWidth, false>(slab).Meets(rows, Splat<F>(ray.tnear), Splat<F>(tfar), entry);
 }

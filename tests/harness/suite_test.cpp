@@ -47,7 +47,7 @@ structures = [
 TEST(SweepsSuite, NumericsMultiplyWhatHasThemAndSaysNoneAndTheSameStandsOnce) {
   const Suite suite = Parse(R"toml(
 scenes = ["bunny"]
-structures = ["null", "grid", "bvh_sah(numerics=exact)", "bvh_sah", "bvh_sah(leaf_size=8)"]
+structures = ["null", "grid", "bvh_sah(numerics=exact)", "bvh_sah", "bvh_sah(leaf_size=16)"]
 numerics = ["fast", "watertight"]
 )toml");
   EXPECT_THAT(suite.structures, ElementsAre("null", "grid(numerics=fast)", "grid", "bvh_sah(numerics=exact)",

@@ -17,8 +17,8 @@
 #include <span>
 #include <stdexcept>
 
+#include "accel/base/lanes.h"
 #include "accel/base/vec3.h"
-#include "accel/bvh/wide/lanes.h"
 
 namespace raybench {
 

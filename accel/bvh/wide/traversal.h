@@ -147,12 +147,12 @@ class WideBvhOf final : public WideBvh {
     constexpr bool kInline = !Counter::kCounts && std::is_same_v<Test, WatertightTest>;
     const bool in_lanes = kInline && geometry_.procedural_count == 0;
     ForEachRay<Counter>(query, [&](auto any, const RayQuery& q, rb_hit& best, Counter& counter) {
-      const SlabRay4 slab(q.ray, Test::kSlack);
-      // Not a second SlabRay4: read whole, what was just written in parts waits for the memory.
-      const float widening = clipped_ && Test::kSlack == Slack::kFarEnd ? SlabRay::kNearScale : 1;
+      const SlabRay slab(q.ray, Test::kSlack);
+      // Not a second SlabRay: read whole, what was just written in parts waits for the memory.
+      const float widening = clipped_ ? SlabRay::Widening(Test::kSlack) : 1;
       const auto trace = [&](const auto& make_leaf) {
         if constexpr (kMayMove) {
-          if (WideRay<kWidth, true>::Fits(slab)) [[likely]] {
+          if (MovedSlab::Fits(slab)) [[likely]] {
             Trace<any.value>(WideRay<kWidth, true>(slab, widening), make_leaf, q, best, counter);
             return;
           }

@@ -88,7 +88,7 @@ class BvhMedian : public BvhStructure {
         kBvhNumerics,
         ChoiceParam("axis", "split along the largest extent of the centres, or X, Y, Z in turn",
                     offsetof(Config, axis), kAxisChoices, uint32_t(AxisRule::kLargest)),
-        BvhLeafSize(4), kBvhTraversalCost, kBvhReinsertion};
+        BvhLeafSize(8), kBvhTraversalCost, kBvhReinsertion};
     return params;
   }
 

@@ -19,7 +19,7 @@ class BvhMorton : public BvhStructure {
   static constexpr const char* kSource = "Lauterbach et al. 2009: Fast BVH construction on GPUs";
   static constexpr Kind kKind = {"BVH", "O(N)", "SIMD leaves"};
   static std::span<const rb_param> Params() {
-    static const rb_param params[] = {kBvhNumerics, BvhLeafSize(8), kBvhTraversalCost, kBvhReinsertion};
+    static const rb_param params[] = {kBvhNumerics, BvhLeafSize(16), kBvhTraversalCost, kBvhReinsertion};
     return params;
   }
 

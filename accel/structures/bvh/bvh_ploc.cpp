@@ -152,7 +152,7 @@ class BvhPloc : public BvhStructure {
     static const rb_param params[] = {kBvhNumerics,
                                       IntParam("radius", "clusters looked at on either side, in Morton order",
                                                offsetof(Config, radius), 1, 1000, 16),
-                                      BvhLeafSize(8), kBvhTraversalCost, kBvhReinsertion};
+                                      BvhLeafSize(16), kBvhTraversalCost, kBvhReinsertion};
     return params;
   }
 

@@ -24,13 +24,13 @@ class BvhSah : public BvhStructure {
     int64_t bins;
   };
   static constexpr const char* kName = "bvh_sah";
-  static constexpr const char* kDoc = "binary BVH, binned SAH builder, four-wide leaves";
+  static constexpr const char* kDoc = "binary BVH, binned SAH builder, eight-wide leaves";
   static constexpr const char* kSource =
       "Wald 2007: On fast construction of SAH-based bounding volume hierarchies";
   static std::span<const rb_param> Params() {
     static const rb_param params[] = {kBvhNumerics,
                                       IntParam("bins", "bins per axis", offsetof(Config, bins), 2, 64, 16),
-                                      BvhLeafSize(8), kBvhTraversalCost, kBvhReinsertion};
+                                      BvhLeafSize(16), kBvhTraversalCost, kBvhReinsertion};
     return params;
   }
 

@@ -23,7 +23,7 @@ class BvhSpatial : public BvhStructure {
         IntParam("bins", "bins and slices per axis", offsetof(Config, bins), 2, 64, 16),
         FloatParam("split_budget", "most duplicate references, as a share of the primitives",
                    offsetof(Config, split_budget), 0, 10, 1),
-        BvhLeafSize(8),
+        BvhLeafSize(16),
         kBvhTraversalCost,
         kBvhReinsertion};
     return params;

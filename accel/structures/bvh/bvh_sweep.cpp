@@ -22,7 +22,7 @@ class BvhSweep : public BvhStructure {
   static constexpr const char* kSource =
       "Wald, Boulos, Shirley 2007: Ray tracing deformable scenes using dynamic bounding volume hierarchies";
   static std::span<const rb_param> Params() {
-    static const rb_param params[] = {kBvhNumerics, BvhLeafSize(8), kBvhTraversalCost, kBvhReinsertion};
+    static const rb_param params[] = {kBvhNumerics, BvhLeafSize(16), kBvhTraversalCost, kBvhReinsertion};
     return params;
   }
 

@@ -244,7 +244,7 @@ class EmbreeTopology {
       for (uint32_t half = 0; half < kWidth; half += 4) {
         Float4 entry = Splat<Float4>(ray.query.ray.tnear), exit = Splat<Float4>(best.t);
         for (int a = 0; a < 3; ++a) {
-          const bool negative = ray.slab.negative[a];
+          const bool negative = ray.slab.negative(a);
           const Float4 front = Load<Float4>((negative ? node.hi : node.lo)[a] + half),
                        back = Load<Float4>((negative ? node.lo : node.hi)[a] + half),
                        org = Splat<Float4>(ray.slab.org[a]);

@@ -109,11 +109,10 @@ class Octree : public CenterStructure<Octree, OctreeNode> {
                                       {0, 0, -1, 0}, {-1, 0, -1, 0}, {0, -1, -1, 0}, {-1, -1, -1, 0}};
     if (root_.count == CenterChild::kEmpty) return;
     const SlabRay slab = ray.SlabOfParts();
-    const unsigned signs =
-        unsigned(slab.negative[0]) | unsigned(slab.negative[1]) << 1 | unsigned(slab.negative[2]) << 2;
-    const Float4 org{slab.org.x, slab.org.y, slab.org.z, 0};
-    const Float4 inv_enter{slab.inv_near.x, slab.inv_near.y, slab.inv_near.z, 0};
-    const Float4 inv_leave{slab.inv_far.x, slab.inv_far.y, slab.inv_far.z, 0};
+    const unsigned signs = slab.signs;
+    const Float4 org{slab.org[0], slab.org[1], slab.org[2], 0};
+    const Float4 inv_enter{slab.inv_near[0], slab.inv_near[1], slab.inv_near[2], 0};
+    const Float4 inv_leave{slab.inv_far[0], slab.inv_far[1], slab.inv_far[2], 0};
     const float tnear = ray.query.ray.tnear;
 
     Entry stack[kStack], now;
@@ -121,8 +120,8 @@ class Octree : public CenterStructure<Octree, OctreeNode> {
     {
       Float4 first{}, last{};
       for (int a = 0; a < 3; ++a) {
-        first[a] = slab.negative[a] ? bounds_.hi[a] : bounds_.lo[a];
-        last[a] = slab.negative[a] ? bounds_.lo[a] : bounds_.hi[a];
+        first[a] = slab.negative(a) ? bounds_.hi[a] : bounds_.lo[a];
+        last[a] = slab.negative(a) ? bounds_.lo[a] : bounds_.hi[a];
       }
       now.enter = (first - org) * inv_enter, now.leave = (last - org) * inv_leave;
       now.Refer(root_.index, root_.count);

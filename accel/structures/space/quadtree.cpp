@@ -123,7 +123,7 @@ class Quadtree : public CenterStructure<Quadtree, QuadtreeNode> {
     if (root_.count == CenterChild::kEmpty) return;
     const SlabRay slab = ray.SlabOfParts();
     const int x = axes_[0], y = axes_[1], z = axes_[2];
-    const unsigned signs = unsigned(slab.negative[x]) | unsigned(slab.negative[y]) << 1;
+    const unsigned signs = unsigned(slab.negative(x)) | unsigned(slab.negative(y)) << 1;
     const LaneXor<4> in_order{int(signs)};
     const float tnear = ray.query.ray.tnear;
 
@@ -135,8 +135,8 @@ class Quadtree : public CenterStructure<Quadtree, QuadtreeNode> {
     if (!(std::max(now.tnear, tnear) <= std::min(tfar, best.t))) return;
     for (int k = 0; k < 2; ++k) {
       const int a = axes_[k];
-      now.enter[k] = ((slab.negative[a] ? bounds_.hi : bounds_.lo)[a] - slab.org[a]) * slab.inv_near[a];
-      now.leave[k] = ((slab.negative[a] ? bounds_.lo : bounds_.hi)[a] - slab.org[a]) * slab.inv_far[a];
+      now.enter[k] = ((slab.negative(a) ? bounds_.hi : bounds_.lo)[a] - slab.org[a]) * slab.inv_near[a];
+      now.leave[k] = ((slab.negative(a) ? bounds_.lo : bounds_.hi)[a] - slab.org[a]) * slab.inv_far[a];
     }
     now.ref = root_;
     NoMailbox none;
@@ -148,8 +148,8 @@ class Quadtree : public CenterStructure<Quadtree, QuadtreeNode> {
         const float dx = node.center[0] - slab.org[x], dy = node.center[1] - slab.org[y];
         const float enter_x = dx * slab.inv_near[x], leave_x = dx * slab.inv_far[x];
         const float enter_y = dy * slab.inv_near[y], leave_y = dy * slab.inv_far[y];
-        const Float4 first = Load<Float4>(slab.negative[z] ? node.upper : node.lower),
-                     last = Load<Float4>(slab.negative[z] ? node.lower : node.upper);
+        const Float4 first = Load<Float4>(slab.negative(z) ? node.upper : node.lower),
+                     last = Load<Float4>(slab.negative(z) ? node.lower : node.upper);
         // NaN (a parallel ray in a plane) limits nothing, being the first operand.
         Float4 enter = (in_order(first) - slab.org[z]) * slab.inv_near[z];
         enter = MaxOrSecond(enter, Splat<Float4>(tnear));

@@ -89,7 +89,7 @@ class Grid : public Structure<Fault, Grid<Fault>> {
       if (cells_crossed > most) most = cells_crossed, main = a;
     }
     counter.Bounds(3 * uint64_t(cells_ + 1));
-    const bool back = ray.slab.negative[main];
+    const bool back = ray.slab.negative(main);
     typename Fault::Mailbox mailbox;
     for (int i = 0; i < cells_; ++i) {
       int from[3], to[3], at[3];
@@ -100,7 +100,7 @@ class Grid : public Structure<Fault, Grid<Fault>> {
       if (!(entry <= exit)) continue;
       for (int a = 0; a < 3; ++a) {
         if (a == main) continue;
-        const bool down = ray.slab.negative[a];
+        const bool down = ray.slab.negative(a);
         auto is_in = [&](int c) {
           return !(times[a].earliest[c + down] > exit) && !(times[a].latest[c + !down] < entry);
         };
@@ -113,7 +113,7 @@ class Grid : public Structure<Fault, Grid<Fault>> {
           for (at[0] = from[0]; at[0] <= to[0]; ++at[0]) {
             float leaves = exit;
             for (int a = 0; a < 3; ++a)
-              leaves = std::min(leaves, times[a].latest[at[a] + !ray.slab.negative[a]]);
+              leaves = std::min(leaves, times[a].latest[at[a] + !ray.slab.negative(a)]);
             if (TestCell<kAny>(ray, CellAt(at[0], at[1], at[2]), leaves, mailbox, best, counter) && kAny)
               return;
           }

@@ -7,7 +7,8 @@ namespace {
 
 struct SignBlindSlab : WideningSlab {
   SignBlindSlab(const rb_ray& ray, Slack slack) : WideningSlab(ray, slack) {
-    for (int a = 0; a < 3; ++a) negative[a] = ray.dir[a] < 0;
+    signs = 0;
+    for (int a = 0; a < 3; ++a) signs |= unsigned(ray.dir[a] < 0) << a;
   }
 };
 

@@ -27,7 +27,7 @@ struct HonestSpaceTree : Honest {
     const int a = plane.axis;
     const float distance = plane.split - ray.org[a];
     const float t0 = distance * ray.inv_near[a], t1 = distance * ray.inv_far[a];
-    return {ray.negative[a], !(tnear > t1), !(tfar < t0), t1 < tfar ? t1 : tfar, t0 > tnear ? t0 : tnear};
+    return {ray.negative(a), !(tnear > t1), !(tfar < t0), t1 < tfar ? t1 : tfar, t0 > tnear ? t0 : tnear};
   }
   /// Whether nothing in cells that begin at `entry` can come before `best`.
   static bool IsBehind(float entry, const rb_hit& best) { return entry > best.t; }
