@@ -3,7 +3,8 @@
 // The idea: enclose groups of primitives in boxes, boxes in larger boxes, and skip what lies in a box that
 // the ray misses (Kay and Kajiya 1986). How to group is decided greedily by the expected cost of tracing a
 // random line (Goldsmith and Salmon 1987; MacDonald and Booth 1990), estimated at the planes between bins
-// (Wald 2007): accel/bvh/binned_sah.h. Layout and traversal: accel/bvh/bvh2.h. Robustness: accel/ray/bounds.h
+// (Wald 2007): accel/bvh/binned_sah.h. Layout and traversal: accel/bvh/bvh2.h;
+// what was tried: accel/bvh/LOG.md. Robustness: accel/ray/bounds.h
 // and accel/ray/triangle.h.
 //
 // Invariants: every primitive stands in exactly one leaf, whose bounds enclose it; depth stays below the
