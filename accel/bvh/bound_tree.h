@@ -14,6 +14,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "accel/base/branch.h"
 #include "accel/base/parallel.h"
 #include "accel/bvh/binary_tree.h"
 #include "accel/contract/cancel.h"
@@ -159,13 +160,25 @@ class BoundTree {
         const bool meets_left = ray.Meets(nodes_[left.node].bound, best.t, left.tnear);
         const bool meets_right = ray.Meets(nodes_[right.node].bound, best.t, right.tnear);
         if (meets_left && meets_right) {
-          const bool left_first = left.tnear <= right.tnear;
-          stack[top++] = left_first ? right : left;
-          at = left_first ? left : right;
+          if (kAnyHit || left.tnear <= right.tnear) {
+            StayBranch();
+            stack[top++] = right;
+            at = left;
+          } else {
+            StayBranch();
+            stack[top++] = left;
+            at = right;
+          }
           continue;
         }
-        if (meets_left || meets_right) {
-          at = meets_left ? left : right;
+        if (meets_left) {
+          StayBranch();
+          at = left;
+          continue;
+        }
+        if (meets_right) {
+          StayBranch();
+          at = right;
           continue;
         }
       }

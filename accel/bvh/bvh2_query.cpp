@@ -1,4 +1,5 @@
 // How rays walk a Bvh2. Compiled once for all structures that are one.
+#include "accel/base/branch.h"
 #include "accel/base/lanes.h"
 #include "accel/bvh/bvh2.h"
 
@@ -39,10 +40,6 @@ class NodeTest {
   Float4 scale_[3], move_[3];
   LaneXor<4> near_first_[3];
 };
-
-/// Keeps branches apart that differ only in what they load. The processor then guesses where a ray goes on and asks for
-/// that node before it knows; one load by a computed index would wait for the node test, at every step.
-[[gnu::always_inline]] inline void StayBranch() { asm volatile(""); }
 
 }  // namespace
 
