@@ -77,8 +77,7 @@ void AddOptions(CLI::App& command, FuzzArguments& arguments) {
       ->type_name("N");
   command
       .add_option("--out", fuzz.out,
-                  "Folder for case files and fuzz.json, made when something is found; default "
-                  "fuzz_findings")
+                  "Folder for case files and fuzz.json; default fuzz_findings, made when something is found")
       ->type_name("DIR");
   command.add_flag("!--no-shrink", fuzz.shrink, "Leave the cases as they were found");
   command.add_option("--regress", arguments.regress, "Case files, or folders of them: examine these instead")

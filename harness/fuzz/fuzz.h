@@ -18,7 +18,8 @@ struct FoundFault;
 struct FuzzOptions {
   std::vector<std::string> structures;  ///< names, or specifications whose parameters stay; empty: all
   std::vector<std::string> plugins;     ///< already loaded; for replay commands
-  std::string mode = "both", out = "fuzz_findings";
+  std::string mode = "both";
+  std::string out;    ///< folder of RunFuzz; empty: fuzz_findings, if something is found
   std::string check;  ///< one alone; empty: all
   uint64_t seed = 1;
   uint64_t cases = 0;     ///< 0: as many as there is time for

@@ -69,10 +69,12 @@ void WriteFindings(const FuzzOptions& options, FindingFiles& files, FuzzResult& 
 }
 
 int RunFuzz(const Registry& registry, FuzzOptions options) {
+  const bool asked = !options.out.empty();  // then there is a report of a clean campaign too
+  if (!asked) options.out = "fuzz_findings";
   FindingFiles files(options.out);
   options.on_found = [&](FoundFault& fault) { files.Write(fault); };
   FuzzResult result = Fuzz(registry, options);
-  if (!result.faults.empty()) WriteFindings(options, files, result);
+  if (asked || !result.faults.empty()) WriteFindings(options, files, result);
   uint64_t cases = 0, rays = 0, left_out = 0;
   fmt::print("{:<24} {:>9} {:>11} {:>9} {:>9}\n", "structure", "cases", "rays", "left out", "broken");
   for (const FuzzedStructure& s : result.structures) {

@@ -12,11 +12,15 @@
 
 #include "accel/contract/valid_ray.h"
 #include "datasets/scene/text.h"
+#include "harness/base/json.h"
 #include "harness/fuzz/isolate.h"
 #include "harness/fuzz/lattice.h"
+#include "harness/fuzz/report.h"
 #include "harness/fuzz/shrink.h"
 #include "harness/truth/oracle.h"
+#include "tests/support/datasets.h"
 #include "tests/support/effort.h"
+#include "tests/support/files.h"
 #include "tests/support/source_directory.h"
 
 namespace raybench::fuzz {
@@ -156,6 +160,17 @@ TEST(Fuzz, OurStructuresKeepEveryPromiseInAFewCases) {
   uint64_t cases = 0;
   for (const FuzzedStructure& s : result.structures) cases += s.cases;
   EXPECT_EQ(cases, options.cases);
+}
+
+TEST(Fuzz, ACleanCampaignHasAReportWhereAFolderIsAskedFor) {
+  const ScratchDirectory scratch;
+  FuzzOptions options;
+  options.structures = {"null"}, options.cases = 3, options.seconds = 0, options.quiet = true;
+  options.out = (scratch.path() / "clean").string();
+  EXPECT_EQ(RunFuzz(Registry(), options), 0);
+  const Json report = Json::parse(Read(scratch.path() / "clean" / "fuzz.json"));
+  EXPECT_TRUE(report.at("findings").empty());
+  EXPECT_EQ(report.at("structures").at(0).at("cases"), 3);
 }
 
 TEST(FuzzExamine, AsksOnlyForWhatAStructureCanDo) {
