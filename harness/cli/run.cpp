@@ -67,7 +67,7 @@ void AddOptions(CLI::App& command, RunArguments& arguments) {
                   "seconds per sample. A case that is too slow is timed on a part of its rays (1/4, 1/16, "
                   "... of the tiles; column timed_rays), and the anchor on the same part; a build gets fewer "
                   "samples. Verdicts and counters are always those of all rays")
-      ->transform(RealNumber(0.001, 86400))
+      ->transform(RealNumber(0.0001, 86400))
       ->type_name("SECONDS");
   command
       .add_option("--repetitions", run.repetitions,

@@ -17,7 +17,8 @@ std::string MachineFingerprint();
 Json BuildFacts();
 /// Versions of the libraries, and instruction sets where they choose one at run time.
 Json LibraryFacts();
-/// 16 hex digits over the bytes of this executable and of the files named: the same program gives the same.
+/// 16 hex digits over this executable and the files named, by what their linker noted of their contents or else by the
+/// contents: the same program gives the same.
 std::string ProgramDigest(const std::vector<std::string>& plugins);
 /// For --version: all of that in a few lines, and the licence note.
 std::string VersionText();

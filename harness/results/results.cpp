@@ -114,9 +114,10 @@ std::vector<FinishedCase> ReadCases(const fs::path& folder) {
   return cases;
 }
 
-void ResultFolder::WriteCsvs() const {
+std::vector<FinishedCase> ResultFolder::WriteCsvs() const {
   std::string cases = CsvHeader(kCasesColumns) + "\n", samples = CsvHeader(kSamplesColumns) + "\n";
-  for (const FinishedCase& finished : Cases()) {
+  const std::vector<FinishedCase> finished_cases = Cases();
+  for (const FinishedCase& finished : finished_cases) {
     const Row& c = finished.row;
     cases += c.ToCsv(kCasesColumns) + "\n";
     for (const Sample& s : finished.samples) {
@@ -141,6 +142,7 @@ void ResultFolder::WriteCsvs() const {
   }
   WriteFileAtomically(path_ / "cases.csv", cases);
   WriteFileAtomically(path_ / "samples.csv", samples);
+  return finished_cases;
 }
 
 void ResultFolder::WriteRunJson(Json run) const {

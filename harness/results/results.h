@@ -44,8 +44,8 @@ class ResultFolder {
   /// run.json as an earlier session left it; null if there is none.
   Json PreviousRun() const;
   std::vector<FinishedCase> Cases() const;
-  /// Derives samples.csv and cases.csv from the finished cases.
-  void WriteCsvs() const;
+  /// Derives samples.csv and cases.csv from the finished cases, and returns these.
+  std::vector<FinishedCase> WriteCsvs() const;
   /// Adds the result format.
   void WriteRunJson(Json run) const;
 

@@ -6,7 +6,6 @@
 #include <set>
 
 #include "accel/base/error.h"
-#include "harness/measure/machine.h"
 
 namespace raybench {
 namespace fs = std::filesystem;
@@ -36,9 +35,8 @@ fs::path KeptRays(const fs::path& folder, const std::string& stem, size_t index)
   return folder / "rays" / stem / fmt::format("{:02}.rays", index);
 }
 
-EarlierRun::EarlierRun(fs::path folder, const std::vector<std::string>& plugins)
-    : folder_(std::move(folder)) {
-  if (ReadObject(folder_ / "run.json").value("program", "") != ProgramDigest(plugins))
+EarlierRun::EarlierRun(fs::path folder, const std::string& program) : folder_(std::move(folder)) {
+  if (ReadObject(folder_ / "run.json").value("program", "") != program)
     throw InputError(
         fmt::format("--again: {} was measured by another program or another plugin, whose verdicts say "
                     "nothing of this one",

@@ -16,8 +16,8 @@ namespace raybench {
 /// A finished run of this very program.
 class EarlierRun {
  public:
-  /// Throws InputError: no run there, one of another program or plugin, or one without finished cases.
-  EarlierRun(std::filesystem::path folder, const std::vector<std::string>& plugins);
+  /// `program`: its digest. Throws InputError: no run there, one of another program or plugin, or one without finished cases.
+  EarlierRun(std::filesystem::path folder, const std::string& program);
 
   /// The captured sets of a scene, in their order, with the hashes they had. Throws InputError where there are
   /// none, or they belong to another scene.

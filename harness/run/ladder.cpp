@@ -36,6 +36,7 @@ std::function<void()> Ladder::PassOver(const Tree& tree, const Part& part) {
 uint32_t Ladder::ChooseStep(const Tree& tree, size_t set, uint32_t threads) {
   const uint64_t rays = sets_[set].set.rays.size();
   const uint32_t last = LastStep(rays, threads == 1 ? kLeastRays : threads * kLeastChunks);
+  if (last == 0) return 0;
   for (Part part{set, threads, last};; --part.step) {
     const std::function<void()> pass = PassOver(tree, part);
     double seconds = TimeOf(pass, threads).wall;

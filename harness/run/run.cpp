@@ -79,7 +79,7 @@ class Run {
       CheckFamilyNames("--sets", options_.sets, CapturedFamilies());
       ray_files_ = RayFiles(options_.ray_files);
       for (const std::string& file : ray_files_) ReadRayFileHeader(file);  // before scenes that take long
-      if (!options_.again.empty()) earlier_.emplace(options_.again, options_.plugins);
+      if (!options_.again.empty()) earlier_.emplace(options_.again, program_);
       LoadScenes();
       ReadRayFiles();
       const std::string out =
@@ -471,8 +471,7 @@ class Run {
 
   int Finish(bool interrupted) {
     if (!results_) return 130;  // interrupted while loading: nothing was written
-    results_->WriteCsvs();
-    const std::vector<FinishedCase> cases = results_->Cases();
+    const std::vector<FinishedCase> cases = results_->WriteCsvs();
     for (const FinishedCase& finished : cases) {
       if (!finished.row.Has(column::anchor)) continue;
       for (SceneRecord& record : scenes_)

@@ -72,7 +72,7 @@ class Delayed {
           if (ray.Primitive(geometry_, prims_[node.first + i], best) && any.value) return;
       }
     });
-    if (delay_ == 0) return;
+    // Without a delay the clock is read as often, but for the waiting.
     const double now = CpuSeconds(), until = now + delay_ * (now - begin);
     while (CpuSeconds() < until) {
     }

@@ -159,7 +159,7 @@ def _run_pairs(arguments, commands, work):
         stream, ratios, look = None, None, None
     else:
         stream, ratios, look = pairs.run(
-            programs, work, arguments.tolerances.of, budget, arguments.seed, arguments.anchor, arguments.all
+            programs, arguments.tolerances.of, budget, arguments.seed, arguments.anchor, arguments.all
         )
     figures = exact.figures_of(programs[1].folder)
     differences = exact.differences(exact.figures_of(programs[0].folder), figures)
