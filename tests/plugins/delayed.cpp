@@ -14,9 +14,9 @@ using namespace raybench;
 
 namespace {
 
-double CpuSeconds() {
+double Seconds(clockid_t clock) {
   timespec t;
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  clock_gettime(clock, &t);
   return double(t.tv_sec) + 1e-9 * double(t.tv_nsec);
 }
 
@@ -48,7 +48,7 @@ class Delayed {
 
   template <class Counter>
   void Query(const rb_query& query) const {
-    const double begin = CpuSeconds();
+    const double begin = Seconds(CLOCK_THREAD_CPUTIME_ID);
     uint64_t rays = 0;
     ForEachRay<Counter>(query, [&](auto any, const RayQuery& q, rb_hit& best, Counter& counter) {
       if (extra_visit_ && rays++ % 1000 == 0) counter.Step(0);
@@ -72,9 +72,11 @@ class Delayed {
           if (ray.Primitive(geometry_, prims_[node.first + i], best) && any.value) return;
       }
     });
-    // Without a delay the clock is read as often, but for the waiting.
-    const double now = CpuSeconds(), until = now + delay_ * (now - begin);
-    while (CpuSeconds() < until) {
+    // Without a delay, too, the slow clock is read twice; the wait itself is by the quick one.
+    const double wait = delay_ * (Seconds(CLOCK_THREAD_CPUTIME_ID) - begin);
+    if (delay_ == 0) return;
+    const double until = Seconds(CLOCK_MONOTONIC) + wait;
+    while (Seconds(CLOCK_MONOTONIC) < until) {
     }
   }
   uint32_t Claims() const { return RB_CLAIM_WATERTIGHT; }
