@@ -34,7 +34,7 @@ void AddOptions(CLI::App& command, CheckOptions& options) {
       .add_option(
           "--commits", options.commits,
           "Two commits of the repository in this folder: each is built in a worktree, then compared as by "
-          "--run; give the arguments of `run` with --with")
+          "--run; what is run stands in --binary")
       ->expected(2)
       ->type_name("A B");
   command

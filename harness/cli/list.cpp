@@ -12,16 +12,10 @@
 #include "harness/base/json.h"
 #include "harness/cli/commands.h"
 #include "harness/plan/suite.h"
+#include "harness/results/run_facts.h"
 
 namespace raybench {
 namespace {
-
-/// None for a plugin, of which no more is known than its table says.
-std::optional<Kind> KindOf(const rb_structure& structure) {
-  for (const Builtin& builtin : BuiltinStructures())
-    if (builtin.table == &structure) return builtin.kind;
-  return std::nullopt;
-}
 
 constexpr std::pair<uint64_t, const char*> kAbilities[] = {
     {RB_CAN_COUNT, "counts what a ray costs"},

@@ -37,9 +37,17 @@ Json FactsOf(const SceneNeeds& needs, const Scene& scene, const SceneFacts& fact
   return json;
 }
 
+std::optional<Kind> KindOf(const rb_structure& structure) {
+  for (const Builtin& builtin : BuiltinStructures())
+    if (builtin.table == &structure) return builtin.kind;
+  return std::nullopt;
+}
+
 Json FactsOf(const Contestant& contestant, const Registry& registry) {
+  const std::optional<Kind> kind = KindOf(*contestant.structure);
   return {{"spec", contestant.Spec()},
           {"params", contestant.Params()},
+          {"family", kind ? Json(kind->family) : Json()},
           {"doc", contestant.structure->doc},
           {"source", contestant.structure->source},
           {"plugin", registry.OriginOf(*contestant.structure)}};

@@ -22,10 +22,10 @@ def main(argv=None):
     except SystemExit as error:  # by argparse
         return error.code
     except KeyboardInterrupt:
-        print("raybench_report: interrupted", file=sys.stderr)
+        print("raybench: interrupted", file=sys.stderr)
         return 130
     except (RunError, OSError) as error:
-        print(f"raybench_report: {error}", file=sys.stderr)
+        print(f"raybench: {error}", file=sys.stderr)
         return 2
     return 0
 
@@ -115,7 +115,7 @@ def _heat(argv):
     from . import heat, heat_sheet
 
     parser = argparse.ArgumentParser(
-        prog="raybench_report heat", description="Draws the heat maps of one scene as a sheet with legends."
+        prog="python -m raybench_report heat", description="Draws the heat maps of one scene as a sheet with legends."
     )
     parser.add_argument("folder", metavar="FOLDER", type=Path, help="holds heat.json and the maps")
     parser.add_argument("--out", metavar="FILE.png", type=Path, required=True)

@@ -50,6 +50,7 @@ def write_run(folder, change=None, sessions=1, slower=None, without_effect=(), s
     info = {
         "format": columns.FORMAT, "started": f"2026-01-{seed:02d}T00:00:00Z", "build": {"commit": f"c{seed:03d}"},
         "machine": {"cpu": "a CPU", "logical_cpus": 2}, "without_effect": list(without_effect), "machine_state": [],
+        "structures": [{"spec": "bvh_sah", "family": "BVH"}, {"spec": "embree(robust=true)", "family": "library"}],
     }  # fmt: skip
     (folder / "run.json").write_text(json.dumps(info))
     return folder
@@ -68,6 +69,12 @@ def test_times_of_separate_runs_decide_nothing(tmp_path, capsys):
     a, b = write_run(tmp_path / "a"), write_run(tmp_path / "b", slower={"bvh_sah": 3})
     assert check(a, b) == 3
     assert "--run" in capsys.readouterr().out
+
+
+def test_the_first_folder_that_is_not_there_is_named(tmp_path, capsys):
+    assert check(tmp_path / "nope", tmp_path / "nope2") == 2
+    error = capsys.readouterr().err
+    assert error.startswith("raybench: ") and f"{tmp_path}/nope/" in error and "nope2" not in error
 
 
 def one_more_visit(row):

@@ -71,7 +71,7 @@ def test_another_counter_fails_however_fast(capsys):
 @pytest.mark.parametrize("b", [command("broken", 0), "/no/such/program run"])
 def test_a_program_that_fails_ends_it_with_one_line(capsys, b):
     assert check(command(0, 0.002), b) == 2
-    error = [line for line in capsys.readouterr().err.splitlines() if line.startswith("raybench_report:")]
+    error = [line for line in capsys.readouterr().err.splitlines() if line.startswith("raybench:")]
     assert len(error) == 1 and ("something is wrong" in error[0] or "No such file" in error[0])
 
 

@@ -112,8 +112,8 @@ def _folders(arguments):
     _need(len(arguments.folders) == 2, "give BASE and HEAD, or --run, --commits or --baseline")
     _need(arguments.accept is None, "--accept needs --baseline")
     base, head = arguments.folders
-    figures = exact.figures_of(head)
-    differences = exact.differences(exact.figures_of(base), figures)
+    known, figures = exact.figures_of(base), exact.figures_of(head)
+    differences = exact.differences(known, figures)
     notes = _without_effect(head)
     if arguments.exact_only:
         return _check(figures, differences, notes=notes), differences

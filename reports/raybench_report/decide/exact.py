@@ -43,11 +43,12 @@ def figures_of(folder, own_only=False):
     tree stand with its build alone. `own_only`: without structures of libraries, whose code changes with their versions.
     Throws RunError."""
     rows = samples.read_rows(folder)
+    libraries = _libraries(folder) if own_only else set()
     names = [name for name in samples.deterministic_columns() if not rows or name in rows[0]]
     texts = {name for name, kind, *_ in columns.columns_of("cases.csv") if kind == "text"}
     cases = {}
     for row in rows:
-        if own_only and row["structure"] in LIBRARIES:
+        if row["structure"] in libraries:
             continue
         try:
             values = {name: _plain(row[name], name in texts) for name in names if row[name] != ""}
@@ -65,7 +66,10 @@ def figures_of(folder, own_only=False):
     return Figures(cases, frozenset(names))
 
 
-LIBRARIES = {"embree", "embree_topology", "cgal_aabb"}
+def _libraries(folder):
+    """Names of the run's structures that libraries have made."""
+    told = results.read_info(folder / "run.json").get("structures") or []
+    return {s["spec"].partition("(")[0] for s in told if s.get("family") == "library"}
 
 
 def _plain(text, is_text):
