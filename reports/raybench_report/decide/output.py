@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections import Counter
 from xml.etree import ElementTree
 
 from .. import results
@@ -44,8 +45,14 @@ def _difference_row(d):
     ]  # fmt: skip
 
 
-def _worst_differences(differences):
-    return sorted(differences, key=lambda d: (d.change is not None, -abs(d.change or 0)))
+def _exact_rows(differences):
+    """Figures that differ, the worst first; then cases that only one side has, a row for each structure of a scene."""
+    both = [d for d in differences if d.figure != "case"]
+    rows = [_difference_row(d) for d in sorted(both, key=lambda d: (d.change is not None, -abs(d.change or 0)))]
+    one_side = Counter((d.comparison.scene, d.comparison.spec, d.old, d.new) for d in differences if d.figure == "case")
+    for (scene, spec, old, new), cases in one_side.items():
+        rows.append([f"{scene} / {spec}", "case" if cases == 1 else f"{cases} cases", old or "-", new or "-", ""])
+    return rows
 
 
 def _time_cells(rows):
@@ -89,17 +96,17 @@ def _headline(check):
 
 def _lines(check, differences, table, shown):
     lines = []
-    worst = [_difference_row(d) for d in _worst_differences(differences)]
+    worst = _exact_rows(differences)
     if worst:
         lines += [*table(_EXACT_HEADER, worst[:shown]), ""]
         if len(worst) > shown:
-            lines += [f"and {len(worst) - shown} more (check.json)", ""]
+            lines += [f"and {len(worst) - shown} more: --out DIR writes all to check.json", ""]
     rows = check["time"]["comparisons"]
     if rows:
         cells = _time_cells(rows)
         lines += [*table(_TIME_HEADER, cells[:shown]), ""]
         if len(cells) > shown:
-            lines += [f"and {len(cells) - shown} more, none worse (check.json)", ""]
+            lines += [f"and {len(cells) - shown} more, none worse: --out DIR writes all to check.json", ""]
     return lines
 
 
@@ -131,7 +138,7 @@ def junit(check, differences):
     exact = ElementTree.SubElement(suite, "testcase", classname="exact", name="figures")
     if differences:
         found = ElementTree.SubElement(exact, "failure", message=f"{len(differences)} figures differ", type="exact")
-        found.text = "\n".join("  ".join(_difference_row(d)) for d in _worst_differences(differences)[:100])
+        found.text = "\n".join("  ".join(row) for row in _exact_rows(differences)[:100])
     for r in rows:
         case = ElementTree.SubElement(suite, "testcase", classname="time", name=r["name"])
         said = f"slower by {percent(r['log_ratio'])} ({percent(r['lo'])} to {percent(r['hi'])}), allowed {100 * r['tolerance']:g} %"
