@@ -38,8 +38,9 @@ void AddOptions(CLI::App& command, CheckOptions& options) {
       ->expected(2)
       ->type_name("A B");
   command
-      .add_option("--build", options.build,
-                  "With --commits: how a worktree is built; default ./test.sh --build-only")
+      .add_option(
+          "--build", options.build,
+          "With --commits: how a worktree is built; default: raybench alone, by CMake's preset release")
       ->type_name("\"CMD\"");
   command
       .add_option("--binary", options.binary,

@@ -2,11 +2,13 @@
 
 import shlex
 import subprocess
-from contextlib import contextmanager
+import time
+from contextlib import contextmanager, suppress
 
 from .. import results
+from . import pairs
 
-BUILD = "./test.sh --build-only"
+BUILD = "cmake --preset release && cmake --build --preset release --target raybench -j $(nproc)"
 BINARY = "build/release/raybench run --quick"
 
 
@@ -26,13 +28,11 @@ def built(names, build, binary, folder):
             if _git("worktree", "add", "--detach", str(tree), commit) is None:
                 raise results.RunError(f"--commits {name}: git cannot make a worktree of it")
             trees.append(tree)
-            print(f"building {name} ({commit[:10]})", flush=True)
-            log = folder / f"build-{side}.log"
-            with open(log, "w", encoding="utf-8") as file:
-                code = subprocess.run(build, shell=True, cwd=tree, stdout=file, stderr=subprocess.STDOUT, check=False)
-            if code.returncode != 0:
-                said = log.read_text(encoding="utf-8", errors="replace").strip().splitlines()[-20:]
-                raise results.RunError(f"--build: exit code {code.returncode} for {name}: " + " | ".join(said[-3:]))
+            begin = time.monotonic()
+            code, said = _build(build, tree, folder / f"build-{side}.log", f"building {name} ({commit[:10]})")
+            if code != 0:
+                raise results.RunError(f"--build: exit code {code} for {name}: " + " | ".join(said))
+            print(f"built {name} ({commit[:10]}) in {time.monotonic() - begin:.0f} s", flush=True)
             words = shlex.split(binary.replace("{tree}", shlex.quote(str(tree))))
             if (tree / words[0]).exists():
                 words[0] = str(tree / words[0])
@@ -41,6 +41,28 @@ def built(names, build, binary, folder):
     finally:
         for tree in trees:
             _git("worktree", "remove", "--force", str(tree))
+
+
+def _build(command, tree, log, title):
+    """Runs the shell's command there and shows its last line meanwhile. (exit code, last lines)."""
+    say = pairs.Progress()
+
+    def last_lines():
+        return [line for line in log.read_text(encoding="utf-8", errors="replace").splitlines() if line.strip()][-3:]
+
+    with open(log, "w", encoding="utf-8") as file:
+        process = subprocess.Popen(command, shell=True, cwd=tree, stdout=file, stderr=subprocess.STDOUT)
+        try:
+            while process.poll() is None:
+                say(f"{title}: {' '.join(last_lines()[-1:])[:100]}")
+                with suppress(subprocess.TimeoutExpired):
+                    process.wait(0.5)
+        finally:
+            if process.poll() is None:
+                process.terminate()
+                process.wait()
+    say(None)
+    return process.returncode, last_lines()
 
 
 def _git(*words):
