@@ -13,14 +13,30 @@ DECISIONS = int(os.environ.get("RAYBENCH_TEST_DECISIONS", "300"))
 TOLERANCE = np.log1p(0.02)
 
 
-@pytest.mark.parametrize("n", [6, 20, 45])
-def test_signed_ranks_are_those_of_scipy(n):
+@pytest.mark.parametrize("n", [6, 9, 12])
+def test_signed_ranks_are_those_of_all_signs(n):
+    """p by throwing all 2^n coins; scores by hand."""
     data = np.random.default_rng(n).standard_t(3, size=(8, n)) + 0.4
-    ours = statistics.slower_p(data, 0.1)
+    signs = np.array(list(itertools.product([0, 1], repeat=n)))
+    for bound, p, sign in ((0.1, statistics.slower_p, 1), (0.7, statistics.faster_p, -1)):
+        for row, found in zip(data - bound, p(data, bound)):
+            scores = np.minimum(np.argsort(np.argsort(np.abs(row))) + 1, n // 3)
+            seen = scores[sign * row > 0].sum()
+            assert found == pytest.approx(np.mean(signs @ scores >= seen), rel=1e-9)
+
+
+@pytest.mark.parametrize("n", [6, 20, 45])
+def test_with_all_ranks_as_scores_they_are_those_of_scipy(n, monkeypatch):
+    monkeypatch.setattr(statistics, "highest_score", lambda pairs: pairs)
+    monkeypatch.setattr(statistics, "_at_least", statistics._at_least.__wrapped__)
+    data = np.random.default_rng(n).standard_t(3, size=(8, n)) + 0.4
     theirs = stats.wilcoxon(data - 0.1, axis=1, alternative="greater", method="exact").pvalue
-    assert ours == pytest.approx(theirs, rel=1e-9)
-    theirs = stats.wilcoxon(data - 0.7, axis=1, alternative="less", method="exact").pvalue
-    assert statistics.faster_p(data, 0.7) == pytest.approx(theirs, rel=1e-9)
+    assert statistics.slower_p(data, 0.1) == pytest.approx(theirs, rel=1e-9)
+
+
+def test_one_disturbed_pair_does_not_outweigh_the_others():
+    ratios = np.append(np.full(19, 0.05), -0.4)
+    assert statistics.slower_p(ratios, 0.02)[0] < 1e-4
 
 
 def test_differences_of_zero_are_evidence_for_nothing():
@@ -149,9 +165,9 @@ def test_what_is_slower_than_allowed_passes_no_more_often_than_said():
 
 
 def test_interval_and_ranks_must_agree():
-    """18 of 45 pairs lie a little on one side of the tolerance, 27 far on the other: the ranks are certain, the median is
+    """88 of 200 pairs lie a little on one side of the tolerance, 112 far on the other: the ranks are certain, the median is
     not."""
-    ratios = np.concatenate([np.linspace(-2e-3, -1e-3, 18), np.linspace(0.9, 1.1, 27)]).reshape(1, -1)
+    ratios = np.concatenate([np.linspace(-2e-3, -1e-3, 88), np.linspace(0.9, 1.1, 112)]).reshape(1, -1)
     assert statistics.slower_p(ratios, 0)[0] < 1e-4
     assert decision.look_at(ratios + TOLERANCE, [TOLERANCE], 1).verdict == decision.INCONCLUSIVE
     assert decision.look_at(-ratios + TOLERANCE, [TOLERANCE], 1).verdict == decision.INCONCLUSIVE

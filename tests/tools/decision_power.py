@@ -109,38 +109,66 @@ def read(folder):
         return [json.loads(line) for line in file]
 
 
-def judge(line):
-    """What the rules say of one decision: whether a structure fails that was not slowed, alarm of the threshold, of the
-    U test, and the median ratio of `delayed` over all ray sets."""
-    stream = pairs.Stream()
-    for a_first, a, b in line["pairs"]:
-        stream.add(to_times(a), to_times(b), a_first)
-    ratios = stream.ratios()
-    look = decision.decide(ratios.log_ratios, np.full(len(ratios.comparisons), np.log1p(TOLERANCE)))
-    if look is not None and look.verdict != line["verdict"] and line["verdict"] != decision.INCONCLUSIVE:
-        sys.exit(f"recorded as {line['verdict']}, now {look.verdict}: the rule has changed")
-    others = any(
-        c.spec != "delayed" and v == decision.FAIL for c, v in zip(ratios.comparisons, look.verdicts if look else [])
-    )
-    a, b = (np.array([[pair[side].ns[c] for pair in stream.times] for c in stream.times[0][0].ns]) for side in (0, 1))
+def arrays(line):
+    """(comparisons, times of A, of B) of one decision: a row a comparison, a column a pair."""
+    pairs_of = [(to_times(a), to_times(b)) for _, a, b in line["pairs"]]
+    comparisons = list(pairs_of[0][0].ns)
+    return comparisons, *(np.array([[pair[side].ns[c] for pair in pairs_of] for c in comparisons]) for side in (0, 1))
+
+
+def verdicts(comparisons, a, b):
+    """By the rule of `raybench check`: (comparisons with those of all ray sets together, log-ratios, the last look)."""
+    ratios = samples.with_summaries(samples.Ratios(comparisons, np.log(b / a), {}))
+    tolerances = np.full(len(ratios.comparisons), np.log1p(TOLERANCE))
+    return ratios, decision.decide(ratios.log_ratios, tolerances)
+
+
+def alarms(a, b):
+    """(threshold, U test): whether one case is slower by more than 5 %; whether one is slower, and its p below 0.05."""
     slower = np.median(b, axis=1) / np.median(a, axis=1)
-    threshold = bool((slower > 1.05).any())
     p = stats.mannwhitneyu(a, b, axis=1, alternative="two-sided").pvalue
-    u_test = bool(((p < 0.05) & (slower > 1)).any())
+    return bool((slower > 1.05).any()), bool(((p < 0.05) & (slower > 1)).any())
+
+
+def judge(line):
+    """What the rules say of one decision: whether a structure fails that was not slowed, both alarms, and the ratio of
+    `delayed` over all ray sets."""
+    comparisons, a, b = arrays(line)
+    ratios, look = verdicts(comparisons, a, b)
+    if (look.verdict if look else decision.INCONCLUSIVE) != line["verdict"]:
+        sys.exit(f"recorded as {line['verdict']}, now {look.verdict}: the rule has changed")
+    others = any(c.spec != "delayed" and v == decision.FAIL for c, v in zip(ratios.comparisons, look.verdicts if look else []))
     whole = [i for i, c in enumerate(ratios.comparisons) if c.spec == "delayed" and c.is_summary]
-    return others, threshold, u_test, float(np.exp(np.median(ratios.log_ratios[whole])))
+    return others, *alarms(a, b), float(np.exp(np.median(ratios.log_ratios[whole])))
+
+
+def thrown_again(lines, throws, seed=1):
+    """(decisions, fails, alarms of the threshold, of the U test) when the coin that says which process of a pair is A is
+    thrown anew, `throws` times for each decision on a program against itself. The noise, and how cases and neighbours in
+    time depend on each other, stay what they were."""
+    rng, counts = np.random.default_rng(seed), np.zeros(4, dtype=int)
+    for line in lines:
+        comparisons, a, b = arrays(line)
+        for _ in range(throws):
+            swap = rng.random(a.shape[1]) < 0.5
+            x, y = np.where(swap, b, a), np.where(swap, a, b)
+            look = verdicts(comparisons, x, y)[1]
+            failed = look is not None and look.verdict == decision.FAIL
+            counts += [1, failed, *alarms(x, y)]
+    return counts
 
 
 def report(arguments):
-    """A Markdown table: a row for each program B and state of load."""
+    """A Markdown table: a row for each program B and state of load; then what throwing the coins anew gives."""
     lines = [line for folder in arguments.folders for line in read(folder)]
-    loads, seconds = [line["load"] for line in lines], [line["seconds"] / len(line["pairs"]) for line in lines]
+    loads, seconds = [line["load"] for line in lines], [line["seconds"] for line in lines]
     print(
-        f"{len(lines)} decisions, {sum(len(line['pairs']) for line in lines)} pairs, {np.median(seconds):.2f} s a pair "
-        f"(median); load average {min(loads):.1f} to {max(loads):.1f}, median {np.median(loads):.1f}\n"
+        f"{len(lines)} decisions, {sum(len(line['pairs']) for line in lines)} pairs; seconds a decision: median "
+        f"{np.median(seconds):.1f}, most {max(seconds):.0f}; load average {min(loads):.1f} to {max(loads):.1f}, median "
+        f"{np.median(loads):.1f}\n"
     )
-    print("| program B | beside a busy process | decisions | fail | inconclusive | pass | fails of others | ratio | pairs "
-          "| threshold alarms | U test alarms |\n" + "|---" * 11 + "|")  # fmt: skip
+    print("| program B | beside a busy process | decisions | fail | inconclusive | pass | fails of others | ratio "
+          "| threshold alarms | U test alarms |\n" + "|---" * 10 + "|")  # fmt: skip
     for kind, delay in DELAYS.items():
         for busy in (False, True):
             chosen = [line for line in lines if line["kind"] == kind and line["busy"] == busy]
@@ -153,12 +181,18 @@ def report(arguments):
             ]
             print(f"| {f'{delay:.0%} slower' if delay else 'itself'} | {'yes' if busy else 'no'} | {len(chosen)} "
                   f"| {' | '.join(map(str, counts))} | {sum(j[0] for j in judged)} | {np.median([j[3] for j in judged]):.3f} "
-                  f"| {np.mean([len(line['pairs']) for line in chosen]):.0f} | {sum(j[1] for j in judged)} "
-                  f"| {sum(j[2] for j in judged)} |")  # fmt: skip
-    alike = [line["verdict"] == decision.FAIL for line in lines if line["kind"] == "aa"]
-    if alike:
-        highest = stats.binomtest(sum(alike), len(alike)).proportion_ci(0.90, method="exact").high
-        print(f"\nFalse alarms: {sum(alike)} of {len(alike)}, at most {highest:.2%} (95 %, one-sided)")
+                  f"| {sum(j[1] for j in judged)} | {sum(j[2] for j in judged)} |")  # fmt: skip
+    alike = [line for line in lines if line["kind"] == "aa"]
+    print("\nfalse alarms:", bounded(sum(line["verdict"] == decision.FAIL for line in alike), len(alike)))
+    if arguments.throws:
+        decisions, *found = thrown_again(alike, arguments.throws)
+        for rule, count in zip(("raybench check", "threshold", "U test"), found):
+            print(f"coins thrown anew, {rule}: {count} of {decisions}, {count / decisions:.3%}")
+
+
+def bounded(count, of):
+    highest = stats.binomtest(count, of).proportion_ci(0.90, method="exact").high
+    return f"{count} of {of}, at most {highest:.2%} (95 %, one-sided)"
 
 
 def main():
@@ -173,6 +207,9 @@ def main():
     recorder.set_defaults(act=record)
     reporter = commands.add_parser("report", help="count verdicts")
     reporter.add_argument("folders", type=Path, nargs="+")
+    reporter.add_argument(
+        "--throws", type=int, default=0, help="decide each decision on a program against itself so often again, with new coins"
+    )
     reporter.set_defaults(act=report)
     arguments = parser.parse_args()
     arguments.act(arguments)
