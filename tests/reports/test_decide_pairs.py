@@ -1,6 +1,7 @@
 """`raybench check --run` from end to end, over a stand-in for `raybench run` (fake_run.py)."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -54,6 +55,13 @@ def test_too_few_pairs_are_said_to_be_too_few(capsys):
     same = command(0, 0.002)
     assert check(same, same, "--pairs", "3") == 3
     assert "at least 20" in capsys.readouterr().out
+
+
+def test_a_budget_far_too_short_for_a_look_is_not_spent(capsys, monkeypatch):
+    monkeypatch.setattr(pairs.decision, "FEWEST_PAIRS", 10**6)
+    same = command(0, 0.002)
+    assert check(same, same, "--pairs", "30") == 3
+    assert re.search(r"note: 3 pairs: a decision .* a pair takes 0\.\d+ s; .*--seconds \(\d+ beyond", capsys.readouterr().out)
 
 
 def test_a_budget_without_any_pair_still_gives_the_exact_part(capsys):

@@ -1,6 +1,7 @@
 """`raybench check`: reads what was typed, decides, says so."""
 
 import argparse
+import math
 import shutil
 import tempfile
 import time
@@ -187,9 +188,12 @@ def _run_pairs(arguments, commands, work):
 def _pair_notes(stream, ratios, look):
     notes = []
     if look is None:
+        price = f", and a pair takes {stream.each:.2g} s" if stream.times else ""
+        more = f" ({math.ceil(1.2 * decision.FEWEST_PAIRS * stream.each)} beyond the judging)" if stream.times else ""
         notes.append(
-            f"{len(stream.times)} pairs: a decision takes at least {decision.FEWEST_PAIRS}; give more --seconds, smaller "
-            "scenes, fewer ray sets or a shorter --budget"
+            f"{len(stream.times)} pairs: a decision takes at least {decision.FEWEST_PAIRS}{price}; give more "
+            f"--seconds{more}, smaller scenes, fewer --structures or --sets, or leave builds out "
+            "(--benchmark_filter=-build)"
         )
         return notes
     effect = pairs.statistics.order_effect(ratios.log_ratios, stream.a_first)

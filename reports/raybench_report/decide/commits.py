@@ -1,5 +1,6 @@
 """Two commits of a repository, each built in a worktree of its own."""
 
+import os
 import shlex
 import subprocess
 import time
@@ -50,8 +51,12 @@ def _build(command, tree, log, title):
     def last_lines():
         return [line for line in log.read_text(encoding="utf-8", errors="replace").splitlines() if line.strip()][-3:]
 
+    # Where the build uses ccache, one worktree takes what it compiled for another.
+    environment = {"CCACHE_BASEDIR": str(tree), **os.environ}
     with open(log, "w", encoding="utf-8") as file:
-        process = subprocess.Popen(command, shell=True, cwd=tree, stdout=file, stderr=subprocess.STDOUT)
+        process = subprocess.Popen(
+            command, shell=True, cwd=tree, stdout=file, stderr=subprocess.STDOUT, env=environment
+        )
         try:
             while process.poll() is None:
                 say(f"{title}: {' '.join(last_lines()[-1:])[:100]}")

@@ -22,10 +22,11 @@ SIDES = ("A", "B")
 
 @dataclass
 class Stream:
-    """Pairs as they come: times of both sides, and whether A ran first."""
+    """Pairs as they come: times of both sides, and whether A ran first. `each`: seconds that one took."""
 
     times: list = field(default_factory=list)
     a_first: list = field(default_factory=list)
+    each: float = 0.0
 
     def add(self, a, b, a_first):
         self.times.append((a, b))
@@ -140,7 +141,8 @@ def run(programs, tolerance_of, budget, seed, anchor=None, until_all=False, say=
     """Judges both programs, then runs them by turns. Returns (Stream, Ratios, Look or None).
 
     Which one goes first is drawn for each pair. Looks are after 20, 30, 45, ... pairs, and once more when the budget
-    ends between two of them; a pair is begun only if one as long as those before fits into the budget.
+    ends between two of them; a pair is begun only if one as long as those before fits into the budget, and measuring
+    ends early where the budget is far too short for a first look.
     """
     say = say or Progress()
     begin = time.monotonic()
@@ -159,16 +161,18 @@ def run(programs, tolerance_of, budget, seed, anchor=None, until_all=False, say=
     with tempfile.TemporaryDirectory(prefix="raybench-pair-", dir=_memory()) as scratch:
         while len(stream.times) < budget.pairs:
             done = len(stream.times)
-            now = time.monotonic()
-            each = (now - measuring) / done if done else 0
-            left = budget.seconds - (now - begin)
-            if done and each > left or left <= 0:
+            left = budget.seconds - (time.monotonic() - begin)
+            if done and stream.each > left or left <= 0:
                 break
-            say(_status(stream, look, due, each, left))
+            # Then there will be no look: better said now than when all is spent.
+            if done >= 3 and (decision.FEWEST_PAIRS - done) * stream.each > 1.5 * left:
+                break
+            say(_status(stream, look, due, left))
             a_first = coin.random() < 0.5
             order = SIDES if a_first else SIDES[::-1]
             times = {side: programs[SIDES.index(side)].measure(Path(scratch, side)) for side in order}
             stream.add(times["A"], times["B"], a_first)
+            stream.each = (time.monotonic() - measuring) / len(stream.times)
             if len(stream.times) < due:
                 continue
             number, due = number + 1, next(sizes)
@@ -188,14 +192,14 @@ def _memory():
     return "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
 
 
-def _status(stream, look, due, each, left):
+def _status(stream, look, due, left):
     done = len(stream.times)
     text = f"{done} pairs"
     if look is not None:
         decided = int((look.verdicts != decision.INCONCLUSIVE).sum())
         text += f", {decided} of {look.verdicts.size} comparisons decided"
-    if each > 0:
-        to_look = (due - done) * each
+    if done:
+        to_look = (due - done) * stream.each
         when = f"next look in {to_look:.0f} s" if to_look <= left else "no look before the end"
         text += f"; {when}, at most {left:.0f} s left"
     return text
