@@ -1,9 +1,11 @@
 """`raybench check --run` from end to end, over a stand-in for `raybench run` (fake_run.py)."""
 
 import json
+import os
 import re
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -129,3 +131,24 @@ def test_two_commits_are_built_and_compared(tmp_path, monkeypatch):
     )
     assert main(["check", "--commits", "nothing", "HEAD"]) == 2
     assert main([*words, "--build", "false"]) == 2
+
+
+def test_a_cancelled_check_leaves_no_worktree_and_no_build_behind(tmp_path):
+    git = lambda *words: subprocess.run(["git", *words], cwd=tmp_path, check=True, capture_output=True)  # noqa: E731
+    git("init", "-q")
+    git("-c", "user.name=a", "-c", "user.email=a@b", "commit", "-qm", "empty", "--allow-empty")
+    mark = tmp_path / "pid"
+    words = ["check", "--commits", "HEAD", "HEAD", "--build", f"sleep 100 & echo $! > {mark}.new; mv {mark}.new {mark}; wait"]
+    running = subprocess.Popen(
+        [sys.executable, "-m", "raybench_report", *words], cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE
+    )
+    deadline = time.monotonic() + 60
+    while not mark.exists() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    running.terminate()
+    assert running.communicate(timeout=60)[1].endswith(b"raybench: interrupted\n") and running.returncode == 130
+    assert len(git("worktree", "list").stdout.splitlines()) == 1
+    with pytest.raises(ProcessLookupError):
+        for _ in range(100):  # the system takes it away in a moment
+            os.kill(int(mark.read_text()), 0)
+            time.sleep(0.05)

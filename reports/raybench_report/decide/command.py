@@ -3,6 +3,7 @@
 import argparse
 import math
 import shutil
+import signal
 import tempfile
 import time
 from pathlib import Path
@@ -17,6 +18,7 @@ def main(argv):
     arguments = _parser().parse_args(argv)
     arguments.tolerances = tolerance.read(arguments.tolerance) if arguments.tolerance else tolerance.Tolerances()
     begin = time.monotonic()
+    signal.signal(signal.SIGTERM, _stop)  # a cancelled job of a CI leaves no worktree behind
     if arguments.baseline:
         check, differences = _against_baseline(arguments)
     elif arguments.run or arguments.commits:
@@ -28,6 +30,10 @@ def main(argv):
     if arguments.out:
         output.write(arguments.out, check, differences)
     return decision.EXIT_CODE[check["verdict"]]
+
+
+def _stop(*_):
+    raise KeyboardInterrupt
 
 
 def _parser():

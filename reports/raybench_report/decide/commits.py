@@ -2,6 +2,7 @@
 
 import os
 import shlex
+import signal
 import subprocess
 import time
 from contextlib import contextmanager, suppress
@@ -55,16 +56,17 @@ def _build(command, tree, log, title):
     environment = {"CCACHE_BASEDIR": str(tree), **os.environ}
     with open(log, "w", encoding="utf-8") as file:
         process = subprocess.Popen(
-            command, shell=True, cwd=tree, stdout=file, stderr=subprocess.STDOUT, env=environment
-        )
+            command, shell=True, cwd=tree, stdout=file, stderr=subprocess.STDOUT, env=environment,
+            start_new_session=True,
+        )  # fmt: skip
         try:
             while process.poll() is None:
                 say(f"{title}: {' '.join(last_lines()[-1:])[:100]}")
                 with suppress(subprocess.TimeoutExpired):
                     process.wait(0.5)
         finally:
-            if process.poll() is None:
-                process.terminate()
+            if process.poll() is None:  # with all that it has started
+                os.killpg(process.pid, signal.SIGTERM)
                 process.wait()
     say(None)
     return process.returncode, last_lines()
