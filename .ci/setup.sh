@@ -1,5 +1,5 @@
 # shellcheck shell=bash
-# Sourced by bench.sh and test.sh (which names more_packages): installs what is missing, makes the Python environment, configures and builds.
+# Sourced by bench.sh, action.yml and test.sh (which names more_packages): installs what is missing, makes the Python environment, configures and builds.
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd -P)
 build=$root/build
