@@ -119,6 +119,12 @@ void AddOptions(CLI::App& command, RunArguments& arguments) {
           "rays are read from there; its verdicts, counters and figures of trees are taken over "
           "where the tree and all answers have the same digests, else judged as ever")
       ->type_name("DIR");
+  command
+      .add_option(
+          "--parts-of", run.parts_of,
+          "Time each case on the part of its rays on which it was timed in DIR, so that both times can "
+          "be compared; other cases choose their own")
+      ->type_name("DIR");
   command.add_flag("--no-report", arguments.no_report, "Make no report.html");
   command.footer(std::string(kGoals) + "\nRay sets, N being the depth:\n" +
                  FormatFamilies(CapturedFamilies()) +

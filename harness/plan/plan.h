@@ -43,6 +43,7 @@ struct RunOptions {
   std::string out;         ///< empty: results/<UTC time>
   bool keep_rays = false;  ///< store captured sets in out/rays, for `again`
   std::string again;       ///< folder of a run with `keep_rays` whose rays and verdicts are used; empty: none
+  std::string parts_of;  ///< folder of a run on whose parts of the rays the same cases are timed; empty: none
   /// `rays` 0 with `ray_files`: whole files.
   uint64_t rays = 0, verify_rays = 0, memory_limit = 0, seed = 1;
   uint32_t repetitions = 0, depth = 2;

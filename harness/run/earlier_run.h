@@ -1,4 +1,4 @@
-// What `raybench run --again DIR` takes from DIR.
+// What `raybench run --again DIR` and `--parts-of DIR` take from DIR.
 #pragma once
 
 #include <cstdint>
@@ -13,6 +13,11 @@
 
 namespace raybench {
 
+/// How many of its rays each timed case was timed on, by case_id.
+using TimedParts = std::map<std::string, uint64_t>;
+/// Those of the run in `folder`, of whatever program. Throws InputError where there is no run.
+TimedParts ReadTimedParts(const std::filesystem::path& folder);
+
 /// A finished run of this very program.
 class EarlierRun {
  public:
@@ -24,10 +29,12 @@ class EarlierRun {
   std::vector<SourcedSet> Rays(const std::string& stem, const Scene& scene) const;
   /// What does not vary between runs, of a case that was not refused; null if there is none.
   const Row* Find(const std::string& case_id) const;
+  const TimedParts& parts() const { return parts_; }
 
  private:
   std::filesystem::path folder_;
   std::map<std::string, Row> rows_;
+  TimedParts parts_;
 };
 
 /// Where the `index`-th captured set of a scene is kept, below a result folder.

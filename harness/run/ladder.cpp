@@ -33,9 +33,20 @@ std::function<void()> Ladder::PassOver(const Tree& tree, const Part& part) {
   };
 }
 
+uint32_t Ladder::Last(size_t set, uint32_t threads) const {
+  return LastStep(sets_[set].set.rays.size(), threads == 1 ? kLeastRays : threads * kLeastChunks);
+}
+
+std::optional<uint32_t> Ladder::StepOf(Part part, uint64_t rays) {
+  const uint32_t last = Last(part.set, part.threads);
+  for (part.step = 0; part.step <= last; ++part.step)
+    if (RaysOf(part).rays.size() == rays) return part.step;
+  return std::nullopt;
+}
+
 uint32_t Ladder::ChooseStep(const Tree& tree, size_t set, uint32_t threads) {
   const uint64_t rays = sets_[set].set.rays.size();
-  const uint32_t last = LastStep(rays, threads == 1 ? kLeastRays : threads * kLeastChunks);
+  const uint32_t last = Last(set, threads);
   if (last == 0) return 0;
   for (Part part{set, threads, last};; --part.step) {
     const std::function<void()> pass = PassOver(tree, part);

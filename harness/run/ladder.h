@@ -5,6 +5,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -40,12 +41,16 @@ class Ladder {
   /// makes them longer.
   uint32_t ChooseStep(const Tree& tree, size_t set, uint32_t threads);
 
+  /// The step whose part has so many rays; none if no step has.
+  std::optional<uint32_t> StepOf(Part part, uint64_t rays);
+
   /// The length of a sample follows from the shorter of the first two passes; `cold` is the first one.
   SamplePlan Plan(const Tree& tree, const Part& part, Seconds& cold);
   /// Passes of the tree over the part. The tree must outlive the task.
   TimedTask Task(const Tree& tree, const Part& part, const SamplePlan& plan);
 
  private:
+  uint32_t Last(size_t set, uint32_t threads) const;
   std::function<void()> PassOver(const Tree& tree, const Part& part);
 
   const std::vector<PreparedSet>& sets_;

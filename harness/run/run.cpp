@@ -80,6 +80,8 @@ class Run {
       ray_files_ = RayFiles(options_.ray_files);
       for (const std::string& file : ray_files_) ReadRayFileHeader(file);  // before scenes that take long
       if (!options_.again.empty()) earlier_.emplace(options_.again, program_);
+      if (earlier_) parts_ = earlier_->parts();
+      if (!options_.parts_of.empty()) parts_ = ReadTimedParts(options_.parts_of);
       LoadScenes();
       ReadRayFiles();
       const std::string out =
@@ -98,7 +100,8 @@ class Run {
                                   .replays = !ray_files_.empty(),
                                   .process = process_,
                                   .scenes = scene_count_,
-                                  .earlier = earlier_ ? &*earlier_ : nullptr});
+                                  .earlier = earlier_ ? &*earlier_ : nullptr,
+                                  .parts = parts_});
       const std::vector<FinishedCase> there = results_->Cases();
       for (SceneRecord& record : scenes_) Recollect(record, there);
       for (size_t i = 0; i < scenes_.size(); ++i) {
@@ -542,6 +545,7 @@ class Run {
   std::optional<ResultFolder> results_;
   std::optional<RunContext> context_;  ///< since there are results
   std::optional<EarlierRun> earlier_;
+  TimedParts parts_;
   std::vector<std::string> warnings_;
   std::string session_started_;
   Json before_;             ///< run.json of the session before; null: this is the first

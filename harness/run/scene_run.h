@@ -54,6 +54,7 @@ struct RunContext {
   const uint32_t process;               ///< of --processes, from 0
   const size_t scenes;                  ///< of all shards
   const EarlierRun* earlier = nullptr;  ///< whose rays and verdicts are used; null: none
+  const TimedParts& parts;              ///< of another run, on which the same cases are timed
 
   uint64_t seen = 0, taken = 0;  ///< cases ready to be timed, and those that the filter let through
   std::string last_name = {};    ///< of such a case

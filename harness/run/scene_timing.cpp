@@ -95,9 +95,15 @@ void SceneRun::Choose(Open& o) {
       o.plan.emplace();
       o.plan->samples.samples = context_.budget.Samples(o.entrant->build_seconds.at(key.threads));
     } else {
-      // On a part that both can do, the anchor's time is measured beside every other one.
-      o.part.step = OwnStep(*o.entrant, o.part);
-      if (Anchors(o.part)) o.part.step = std::max(o.part.step, OwnStep(*anchor_, o.part));
+      const auto known = context_.parts.find(key.Id());
+      if (const auto step =
+              known == context_.parts.end() ? std::nullopt : ladder_->StepOf(o.part, known->second)) {
+        o.part.step = *step;
+      } else {
+        // On a part that both can do, the anchor's time is measured beside every other one.
+        o.part.step = OwnStep(*o.entrant, o.part);
+        if (Anchors(o.part)) o.part.step = std::max(o.part.step, OwnStep(*anchor_, o.part));
+      }
       o.plan = PlanPart(*o.entrant, o.part);
     }
     recall_.AddPlan(key.Id(), *o.plan);

@@ -1,6 +1,7 @@
 """`raybench check`, `doctor` and the guard of `run` by the real program: exact figures, the committed baseline, a planted
 node visit and a planted delay, parameters without effect."""
 
+import csv
 import json
 import os
 import shutil
@@ -149,3 +150,21 @@ def test_the_example_for_other_ray_tracers_runs(tmp_path):
     summary = (tmp_path / "summary").read_text()
     assert summary.startswith("### raybench check: fail") and "| rays.ply / mine" in summary.replace(str(tmp_path), "")
     assert "prims" in summary
+
+
+def test_a_second_run_times_the_parts_of_rays_that_the_first_has_timed(tmp_path):
+    """By its own budget it would take all rays of each case."""
+    words = ["run", "soup(size=2000)", "--structures", "bvh_sah,kdtree_sah", "--quick", "--sets", "camera,random"]
+    words += ["--rays", "8K", "--verify-rays", "64", "--threads", "1", "--repetitions", "1", "--no-report"]
+
+    def parts(name, *more):
+        call(*words, *more, "--out", tmp_path / name)
+        with open(tmp_path / name / "cases.csv", newline="") as file:
+            return [row["timed_rays"] for row in csv.DictReader(file) if row["query"] != "build"]
+
+    first = parts("first", "--budget", "0.0001")
+    assert set(first) == {"2048"}
+    assert set(parts("own", "--budget", "3")) == {"8192"}
+    assert parts("second", "--budget", "3", "--parts-of", tmp_path / "first") == first
+    done = call(*words, "--out", tmp_path / "third", "--parts-of", tmp_path / "nowhere", code=2)
+    assert "--parts-of: " in done.stderr and done.stderr.count("\n") == 1

@@ -46,11 +46,11 @@ BUSY = (  # ends with its parent, however that ends
 class Judged(pairs.Program):
     """A program that is judged once, not for each decision anew."""
 
-    def judge(self):
+    def judge(self, like=None):
         if self.folder.exists():
             self.again = True
         else:
-            super().judge()
+            super().judge(like)
 
 
 def planned(seed):

@@ -102,7 +102,7 @@ def _lines(check, differences, table, shown):
         if len(worst) > shown:
             lines += [f"and {len(worst) - shown} more: --out DIR writes all to check.json", ""]
     rows = check["time"]["comparisons"]
-    if rows:
+    if any(row["log_ratio"] is not None for row in rows):
         cells = _time_cells(rows)
         lines += [*table(_TIME_HEADER, cells[:shown]), ""]
         if len(cells) > shown:

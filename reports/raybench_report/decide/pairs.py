@@ -97,10 +97,14 @@ class Program:
     def words(self, *more):
         return [*shlex.split(self.command), *more]
 
-    def judge(self):
-        """The first run, with verdicts and counters."""
-        self.again = "--again" in _output(self.words("--help"))
+    def judge(self, like=None):
+        """The first run, with verdicts and counters; each case is timed on the part of its rays that the program `like`
+        timed, else B may choose another one, and nothing could be compared."""
+        knows = _output(self.words("--help"))
+        self.again = "--again" in knows
         more = ["--keep-rays"] if self.again else []
+        if like and "--parts-of" in knows:
+            more += ["--parts-of", str(like.folder)]
         _run(self.words("--no-report", "--out", str(self.folder), *more))
 
     def measure(self, folder):
@@ -148,7 +152,7 @@ def run(programs, tolerance_of, budget, seed, anchor=None, until_all=False, say=
     begin = time.monotonic()
     for side, program in zip(SIDES, programs):
         say(f"{side}: judging and counting, once")
-        program.judge()
+        program.judge(programs[0] if side == "B" else None)
     stream, coin = Stream(), random.Random(seed)
     look, number, sizes = None, 0, statistics.look_sizes(decision.FEWEST_PAIRS)
     due, measuring = next(sizes), time.monotonic()
