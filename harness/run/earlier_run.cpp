@@ -72,16 +72,22 @@ EarlierRun::EarlierRun(fs::path folder, const std::string& program) : folder_(st
     throw InputError(fmt::format("--again: {} has no case that kept its claim", folder_.string()));
 }
 
-std::vector<SourcedSet> EarlierRun::Rays(const std::string& stem, const Scene& scene) const {
+std::vector<SourcedSet> ReadKeptRays(const fs::path& folder, const std::string& stem, const Scene& scene) {
   std::vector<SourcedSet> sets;
   std::error_code error;
-  for (fs::path path = KeptRays(folder_, stem, 0); fs::exists(path, error);
-       path = KeptRays(folder_, stem, sets.size()))
+  for (fs::path path = KeptRays(folder, stem, 0); fs::exists(path, error);
+       path = KeptRays(folder, stem, sets.size())) {
     sets.push_back({ReplayedSet(ReadRayFile(path), scene), 0, {}, {}, {}});
+    sets.back().captured = sets.back().set.rays.size();
+  }
+  return sets;
+}
+
+std::vector<SourcedSet> EarlierRun::Rays(const std::string& stem, const Scene& scene) const {
+  std::vector<SourcedSet> sets = ReadKeptRays(folder_, stem, scene);
   if (sets.empty())
     throw InputError(fmt::format("--again: {} has no rays of scene '{}'; make it with --keep-rays",
                                  folder_.string(), scene.name));
-  for (SourcedSet& s : sets) s.captured = s.set.rays.size();
   return sets;
 }
 

@@ -37,7 +37,10 @@ class EarlierRun {
   TimedParts parts_;
 };
 
-/// Where the `index`-th captured set of a scene is kept, below a result folder.
+/// Where the `index`-th captured set of a scene is kept, below a result folder or its journal.
 std::filesystem::path KeptRays(const std::filesystem::path& folder, const std::string& stem, size_t index);
+/// All sets that are kept there, in their order. Throws InputError where one belongs to another scene.
+std::vector<SourcedSet> ReadKeptRays(const std::filesystem::path& folder, const std::string& stem,
+                                     const Scene& scene);
 
 }  // namespace raybench

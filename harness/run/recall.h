@@ -49,6 +49,12 @@ class Recall {
   bool IsChecked(const Entrant& entrant, const PreparedSet& prepared) const;
   void AddCheck(const Entrant& entrant, size_t set, const PreparedSet& prepared, const std::string& flaw);
 
+  /// Of the sets that were captured, or null.
+  const Json& Capture(const std::string& wanted) const { return journal_.Find("capture", wanted); }
+  void AddCapture(const std::string& wanted, Json facts) {
+    journal_.Add("capture", wanted, std::move(facts));
+  }
+
   std::optional<KeptPlan> Plan(const std::string& key) const;
   void AddPlan(const std::string& key, const KeptPlan& plan);
   std::optional<uint32_t> Step(const std::string& key) const;

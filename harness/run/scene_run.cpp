@@ -1,6 +1,7 @@
 #include "harness/run/scene_run.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <malloc.h>
 
 #include <algorithm>
@@ -140,13 +141,16 @@ void SceneRun::Measure() {
   }
   schedule_.End();
   schedule_.Forget(record_.index);
-  if (context_.LastProcess()) recall_.journal().Remove();
+  if (!context_.LastProcess()) return;
+  ForgetSets();
+  recall_.journal().Remove();
 }
 
 // ---- rays, plan, truth ----
 
 std::vector<SourcedSet> SceneRun::CaptureSets() {
   if (context_.earlier != nullptr) return context_.earlier->Rays(record_.stem, scene());
+  if (std::vector<SourcedSet> sets = RecallSets(); !sets.empty()) return sets;
   CaptureOptions options;
   options.rays = options_.RaysPerSet();
   options.seed = options_.seed;
@@ -155,17 +159,56 @@ std::vector<SourcedSet> SceneRun::CaptureSets() {
   options.sets = options_.sets;
   schedule_.Begin(Work::kCapture, "", "capturing rays");
   options.progress = [&](double fraction) { schedule_.Update(fraction); };
-  options.note = [&](const std::string& line) { Note(line); };
+  Json notes = Json::array();
+  options.note = [&](const std::string& line) {
+    Note(line);
+    notes.push_back(line);
+  };
   Capture capture = CaptureRaySets(context_.registry, scene(), options);
   const std::string image = (context_.results.path() / "images" / record_.stem).string();
   for (const char* extension : {".png", ".exr"}) WriteImage(capture.image, image + extension, SoftwareName());
-  if (options_.keep_rays) {
-    const std::filesystem::path& folder = context_.results.path();
-    std::filesystem::create_directories(KeptRays(folder, record_.stem, 0).parent_path());
-    for (size_t i = 0; i < capture.sets.size(); ++i)
-      WriteRayFile(KeptRays(folder, record_.stem, i), capture.sets[i].set, scene(), SoftwareName());
+  if (options_.keep_rays) WriteSets(context_.results.path(), capture.sets);
+  try {
+    WriteSets(JournalFolder(), capture.sets);
+    Json captured = Json::array();
+    for (const SourcedSet& s : capture.sets) captured.push_back(s.captured);
+    recall_.AddCapture(SetsWanted(), {{"captured", captured}, {"notes", notes}});
+  } catch (const std::runtime_error&) {  // no room on the disk: the next session captures anew
+    ForgetSets();
   }
   return std::move(capture.sets);
+}
+
+void SceneRun::WriteSets(const std::filesystem::path& folder, const std::vector<SourcedSet>& sets) const {
+  std::filesystem::remove_all(KeptRays(folder, record_.stem, 0).parent_path());
+  std::filesystem::create_directories(KeptRays(folder, record_.stem, 0).parent_path());
+  for (size_t i = 0; i < sets.size(); ++i)
+    WriteRayFile(KeptRays(folder, record_.stem, i), sets[i].set, scene(), SoftwareName());
+}
+
+/// The sets that an earlier session captured; none if they are not known.
+std::vector<SourcedSet> SceneRun::RecallSets() {
+  const Json& known = recall_.Capture(SetsWanted());
+  if (known.is_null()) return {};
+  std::vector<SourcedSet> sets = ReadKeptRays(JournalFolder(), record_.stem, scene());
+  if (sets.size() != known.at("captured").size()) return {};
+  for (size_t i = 0; i < sets.size(); ++i) sets[i].captured = known.at("captured").at(i);
+  for (const Json& note : known.at("notes")) Note(note.get<std::string>());
+  return sets;
+}
+
+/// Of what captured sets depend on, all that the journal as a whole does not.
+std::string SceneRun::SetsWanted() const {
+  return fmt::format("{}{}", fmt::join(options_.sets, ","), options_.shuffled ? " shuffled" : "");
+}
+
+std::filesystem::path SceneRun::JournalFolder() const { return context_.results.path() / "journal"; }
+
+void SceneRun::ForgetSets() const {
+  std::error_code error;
+  const std::filesystem::path sets = KeptRays(JournalFolder(), record_.stem, 0).parent_path();
+  std::filesystem::remove_all(sets, error);
+  std::filesystem::remove(sets.parent_path(), error);  // if it is empty
 }
 
 Entrant SceneRun::PlanEntrant(const Contestant& contestant) {

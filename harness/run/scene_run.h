@@ -81,6 +81,11 @@ class SceneRun {
 
  private:
   std::vector<SourcedSet> CaptureSets();
+  std::vector<SourcedSet> RecallSets();
+  void WriteSets(const std::filesystem::path& folder, const std::vector<SourcedSet>& sets) const;
+  void ForgetSets() const;
+  std::string SetsWanted() const;
+  std::filesystem::path JournalFolder() const;
   void ReckonWithKnown();
   Entrant PlanEntrant(const Contestant& contestant);
   void AskForTruth();

@@ -127,6 +127,24 @@ TEST_F(SweepsCommand, KilledAtAnyMomentARunLosesTheOpenPassAndNothingElse) {
   EXPECT_GT(run.at("sessions").size(), sessions.size() - 1);
 }
 
+TEST_F(SweepsCommand, AResumedRunTakesTheRaysThatWereCaptured) {
+  const pid_t pid = Start(Run("killed"));
+  for (int i = 0; i < 30000 && Known("killed") < 20; ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  kill(pid, SIGKILL);
+  Finish(pid);
+  // Capturing would draw the picture anew.
+  std::vector<fs::path> pictures;
+  for (const auto& entry : fs::directory_iterator(folder_ / "killed" / "images"))
+    pictures.push_back(entry.path());
+  EXPECT_FALSE(pictures.empty());
+  for (const fs::path& picture : pictures) fs::remove(picture);
+  ASSERT_EQ(Call(Run("killed", {"--resume"})).exit_code, 0);
+  for (const fs::path& picture : pictures) EXPECT_FALSE(fs::exists(picture)) << picture;
+  ASSERT_EQ(Call(Run("whole")).exit_code, 0);
+  EXPECT_EQ(WithoutTimes("whole"), WithoutTimes("killed"));
+}
+
 TEST_F(SweepsCommand, ShardsMergedAreTheWholeRun) {
   ASSERT_EQ(Call(Run("whole")).exit_code, 0);
   std::vector<std::string> merge = {"merge", (folder_ / "merged").string()};
