@@ -63,7 +63,9 @@ def test_a_budget_far_too_short_for_a_look_is_not_spent(capsys, monkeypatch):
     monkeypatch.setattr(pairs.decision, "FEWEST_PAIRS", 10**6)
     same = command(0, 0.002)
     assert check(same, same, "--pairs", "30") == 3
-    assert re.search(r"note: 3 pairs: a decision .* a pair takes 0\.\d+ s; .*--seconds \(\d+ beyond", capsys.readouterr().out)
+    assert re.search(
+        r"note: 3 pairs: a decision .* a pair takes 0\.\d+ s; .*--seconds \(\d+ beyond", capsys.readouterr().out
+    )
 
 
 def test_a_budget_without_any_pair_still_gives_the_exact_part(capsys):
@@ -138,9 +140,19 @@ def test_a_cancelled_check_leaves_no_worktree_and_no_build_behind(tmp_path):
     git("init", "-q")
     git("-c", "user.name=a", "-c", "user.email=a@b", "commit", "-qm", "empty", "--allow-empty")
     mark = tmp_path / "pid"
-    words = ["check", "--commits", "HEAD", "HEAD", "--build", f"sleep 100 & echo $! > {mark}.new; mv {mark}.new {mark}; wait"]
+    words = [
+        "check",
+        "--commits",
+        "HEAD",
+        "HEAD",
+        "--build",
+        f"sleep 100 & echo $! > {mark}.new; mv {mark}.new {mark}; wait",
+    ]
     running = subprocess.Popen(
-        [sys.executable, "-m", "raybench_report", *words], cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE
+        [sys.executable, "-m", "raybench_report", *words],
+        cwd=tmp_path,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
     )
     deadline = time.monotonic() + 60
     while not mark.exists() and time.monotonic() < deadline:

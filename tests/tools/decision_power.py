@@ -140,7 +140,9 @@ def judge(line):
     ratios, look = verdicts(comparisons, a, b)
     if (look.verdict if look else decision.INCONCLUSIVE) != line["verdict"]:
         sys.exit(f"recorded as {line['verdict']}, now {look.verdict}: the rule has changed")
-    others = any(c.spec != "delayed" and v == decision.FAIL for c, v in zip(ratios.comparisons, look.verdicts if look else []))
+    others = any(
+        c.spec != "delayed" and v == decision.FAIL for c, v in zip(ratios.comparisons, look.verdicts if look else [])
+    )
     whole = [i for i, c in enumerate(ratios.comparisons) if c.spec == "delayed" and c.is_summary]
     return others, *alarms(a, b), float(np.exp(np.median(ratios.log_ratios[whole])))
 
@@ -211,7 +213,10 @@ def main():
     reporter = commands.add_parser("report", help="count verdicts")
     reporter.add_argument("folders", type=Path, nargs="+")
     reporter.add_argument(
-        "--throws", type=int, default=0, help="decide each decision on a program against itself so often again, with new coins"
+        "--throws",
+        type=int,
+        default=0,
+        help="decide each decision on a program against itself so often again, with new coins",
     )
     reporter.set_defaults(act=report)
     arguments = parser.parse_args()

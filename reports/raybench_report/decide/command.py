@@ -72,7 +72,10 @@ def _check(figures, differences, comparisons=(), pairs_seen=0, unit="pairs", und
     else:
         verdict = decision.PASS
     if any(d.figure in ("scene_hash", "ray_hash") for d in differences):
-        notes = [*notes, "some scenes or rays are not the same ones, so little else can be: was the same asked of both?"]
+        notes = [
+            *notes,
+            "some scenes or rays are not the same ones, so little else can be: was the same asked of both?",
+        ]
     return {
         "verdict": verdict,
         "exact": {
