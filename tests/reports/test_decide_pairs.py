@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from raybench_report import results
 from raybench_report.__main__ import main
-from raybench_report.decide import pairs, samples
+from raybench_report.decide import instructions, pairs, samples
 
 FAKE = Path(__file__).with_name("fake_run.py")
 
@@ -164,3 +164,10 @@ def test_a_cancelled_check_leaves_no_worktree_and_no_build_behind(tmp_path):
         for _ in range(100):  # the system takes it away in a moment
             os.kill(int(mark.read_text()), 0)
             time.sleep(0.05)
+
+
+def test_instructions_are_counted_over_as_few_passes_as_there_can_be():
+    words = ["env", "A=1", "raybench", "run", "s", "--repetitions", "9", "--budget=2", "--rays", "1K"]
+    assert instructions.shortest(words) == [
+        *["env", "A=1", "raybench", "run", "s", "--rays", "1K", "--repetitions", "1", "--budget", "0.001"]
+    ]

@@ -6,27 +6,47 @@ import subprocess
 
 from .. import results
 
+# As few passes as there can be, so that their number does not depend on how long one takes.
+FEWEST = {"--repetitions": "1", "--budget": "0.001"}
+
 
 def compare(programs, work):
-    """Lines that say how many instructions one judged process of each program takes, and the change. A program built
-    for this very processor may use instructions that valgrind does not know: then, or without valgrind, one line that
-    says so."""
+    """Lines that say how many instructions one more process of each program takes, and the change. A program built for
+    this very processor may use instructions that valgrind does not know: then, or without valgrind, one line that says
+    so."""
     if shutil.which("valgrind") is None:
         return ["--instructions: valgrind is not installed (apt install valgrind)"]
     counts = []
     for side, program in zip("AB", programs):
-        words = ["valgrind", "--tool=callgrind", "--callgrind-out-file=/dev/null", "--trace-children=no"]
+        # with children: a command line may begin with `env`, or be a script
+        words = ["valgrind", "--tool=callgrind", "--callgrind-out-file=/dev/null", "--trace-children=yes"]
         more = ["--again", str(program.folder)] if program.again else []
         folder = work / f"instructions-{side}"
-        done = subprocess.run(
-            [*words, *program.words("--no-report", "--repetitions", "1", "--out", str(folder), *more)],
-            capture_output=True, text=True, check=False,
-        )  # fmt: skip
+        command = [*words, *shortest(program.words()), "--no-report", "--out", str(folder), *more]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
         shutil.rmtree(folder, ignore_errors=True)
-        found = re.search(r"Collected\s*:\s*(\d+)", done.stderr)
-        if done.returncode not in (0, 1, 3) or found is None:
-            return [f"--instructions: valgrind cannot run {side}; build it by the preset portable"]
-        counts.append(int(found.group(1)))
+        found = [int(count) for count in re.findall(r"Collected\s*:\s*(\d+)", done.stderr)]
+        if done.returncode not in (0, 1, 3) or not found:
+            return [f"--instructions: valgrind cannot run {side}: {_why(done)}"]
+        counts.append(sum(found))
     if counts[0] == 0:
         raise results.RunError("--instructions: callgrind counted none")
     return [f"instructions: {counts[0]:,} and {counts[1]:,}, {100 * (counts[1] / counts[0] - 1):+.2f} %"]
+
+
+def shortest(words):
+    """A command line with FEWEST in place of its own such options."""
+    kept, skip = [], False
+    for word in words:
+        name, equals, _ = word.partition("=")
+        if not skip and name not in FEWEST:
+            kept.append(word)
+        skip = not skip and name in FEWEST and not equals
+    return [*kept, *(word for option in FEWEST.items() for word in option)]
+
+
+def _why(done):
+    if done.returncode < 0 or "unrecognised instruction" in done.stderr or "Unrecognised instruction" in done.stderr:
+        return "it uses instructions that valgrind does not know; build it by the preset portable"
+    said = [line for line in done.stderr.splitlines() if line.strip() and not line.startswith("==")]
+    return said[-1] if said else f"exit code {done.returncode}"
