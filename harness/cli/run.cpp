@@ -74,6 +74,13 @@ void AddOptions(CLI::App& command, RunArguments& arguments) {
                   "Samples per case; default 9, quick 6, fewer where the budget is too short")
       ->transform(WholeNumber(1, 10000))
       ->type_name("N");
+  command
+      .add_option(
+          "--passes", run.passes,
+          "Passes over the rays a sample, none before them, instead of as many as the budget pays: for "
+          "counting instructions rather than time")
+      ->transform(WholeNumber(1, 1000000))
+      ->type_name("N");
   command.add_option("--threads", run.threads, "Thread counts; default 1, for builds 1 and all")
       ->delimiter(',')
       ->allow_extra_args(false)

@@ -50,6 +50,7 @@ struct RunOptions {
   uint32_t processes = 1;                    ///< one after the other, each takes all samples anew
   uint32_t shard = 1, shards = 1;            ///< this one, from 1, of so many
   double budget = 0;                         ///< seconds of timing a case
+  uint64_t passes = 0;                       ///< of each sample; 0: as many as the budget pays
   std::vector<std::string> benchmark_flags;  ///< "--benchmark_..." as given
   std::vector<std::string> command_line;
 

@@ -57,8 +57,9 @@ uint32_t StepFor(double seconds, uint32_t last_step, const TimeBudget& budget) {
 SamplePlan PlanSamples(double pass_seconds, const TimeBudget& budget) {
   SamplePlan plan;
   const double pass = std::max(1e-7, pass_seconds);
-  plan.passes = uint64_t(std::max(1.0, std::round(budget.SampleSeconds() / pass)));
-  plan.warm_up = pass < kLongPassSeconds;
+  plan.passes =
+      budget.passes > 0 ? budget.passes : uint64_t(std::max(1.0, std::round(budget.SampleSeconds() / pass)));
+  plan.warm_up = budget.passes == 0 && pass < kLongPassSeconds;
   plan.sample_cost = pass * double(plan.passes + (plan.warm_up ? 1 : 0));
   plan.samples = budget.Samples(plan.sample_cost);
   return plan;

@@ -17,6 +17,7 @@ struct TimeBudget {
   uint32_t repetitions = 1;  ///< samples
   bool fixed = false;        ///< take that many, whatever they cost
   uint32_t fewest = 3;       ///< a case that needs more time than its budget even for these gets it
+  uint64_t passes = 0;       ///< of a sample, none before it, whatever they cost; 0: as many as fit
 
   /// Half of the budget is for samples, the other half for the untimed pass before each.
   double SampleSeconds() const { return seconds / (2 * repetitions); }

@@ -47,7 +47,7 @@ std::optional<uint32_t> Ladder::StepOf(Part part, uint64_t rays) {
 uint32_t Ladder::ChooseStep(const Tree& tree, size_t set, uint32_t threads) {
   const uint64_t rays = sets_[set].set.rays.size();
   const uint32_t last = Last(set, threads);
-  if (last == 0) return 0;
+  if (last == 0 || budget_.passes > 0) return 0;
   for (Part part{set, threads, last};; --part.step) {
     const std::function<void()> pass = PassOver(tree, part);
     double seconds = TimeOf(pass, threads).wall;
@@ -60,8 +60,8 @@ uint32_t Ladder::ChooseStep(const Tree& tree, size_t set, uint32_t threads) {
 SamplePlan Ladder::Plan(const Tree& tree, const Part& part, Seconds& cold) {
   const std::function<void()> pass = PassOver(tree, part);
   cold = TimeOf(pass, part.threads);
-  const double shorter =
-      cold.wall < kLongPassSeconds ? std::min(cold.wall, TimeOf(pass, part.threads).wall) : cold.wall;
+  const bool again = budget_.passes == 0 && cold.wall < kLongPassSeconds;
+  const double shorter = again ? std::min(cold.wall, TimeOf(pass, part.threads).wall) : cold.wall;
   SamplePlan plan = PlanSamples(shorter, budget_);
   plan.sample_cost = std::max(plan.sample_cost, min_time_);
   return plan;

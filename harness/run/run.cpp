@@ -62,7 +62,8 @@ class Run {
         options_(options),
         engine_(options.benchmark_flags),
         budget_{options.Budget(), options.Repetitions(),
-                options.repetitions != 0 || engine_.min_time().has_value(), options.suite.fewest_samples},
+                options.repetitions != 0 || engine_.min_time().has_value(), options.suite.fewest_samples,
+                options.passes},
         memory_(options.memory_limit != 0 ? options.memory_limit : UsableMemory() / 2),
         schedule_(progress_) {}
 
@@ -262,6 +263,7 @@ class Run {
             {"options", depends},
             {"repetitions", options_.Repetitions()},
             {"budget", options_.Budget()},
+            {"passes", options_.passes},
             {"min_time", engine_.min_time().value_or(0)},
             {"plugins", plugins}};
   }

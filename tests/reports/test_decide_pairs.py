@@ -167,7 +167,7 @@ def test_a_cancelled_check_leaves_no_worktree_and_no_build_behind(tmp_path):
 
 
 def test_instructions_are_counted_over_as_few_passes_as_there_can_be():
-    words = ["env", "A=1", "raybench", "run", "s", "--repetitions", "9", "--budget=2", "--rays", "1K"]
+    words = ["env", "A=1", "raybench", "run", "s", "--repetitions", "9", "--passes=2", "--rays", "1K"]
     assert instructions.shortest(words) == [
-        *["env", "A=1", "raybench", "run", "s", "--rays", "1K", "--repetitions", "1", "--budget", "0.001"]
+        *["env", "A=1", "raybench", "run", "s", "--rays", "1K", "--repetitions", "1", "--passes", "1"]
     ]
