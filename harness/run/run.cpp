@@ -487,6 +487,9 @@ class Run {
     for (const Twins& t : twins)
       without_effect_.push_back({{"scene", t.scene}, {"a", t.a}, {"b", t.b}, {"parameters", t.parameters}});
     WriteRunJson(true, interrupted, cases.size());
+    // Of a scene that was finished, but not forgotten yet, when the run was killed.
+    std::error_code error;
+    if (!interrupted) fs::remove_all(results_->path() / "journal", error);
     const std::string table = FormatTable(cases);
     fmt::print("{}", table);
     const auto is = [](const char* status) {
