@@ -29,7 +29,7 @@ class Prices:
     of geometric mean 1, say how much dearer than usual all that a structure does is (a slab of a k-DOP is dearer than a
     box), and all that is done for rays of a set (incoherent ones wait for memory). Most bytes come with visits and tests
     (`bytes_per_step`, `bytes_per_prim`, fitted likewise), and are part of their prices; the price of a byte is that of
-    those beyond. `error`: the median relative error of time, as larger as the unknowns have made it smaller."""
+    those beyond. `error`: the median relative error of time, enlarged by the share of cases that the unknowns use up."""
 
     base: float
     steps: float

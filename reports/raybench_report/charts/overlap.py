@@ -10,7 +10,7 @@ NAMED = 4  # scenes whose names stand beside their dots
 
 def rows(report):
     """One row a run x scene x ray set: the fastest kd-tree and the fastest binary BVH, both of raybench's default
-    arithmetic, so that one kind of scalar traversal is compared. ratio: the kd-tree's speed over the BVH's, lo and hi from
+    arithmetic, so that binary trees are compared with binary trees. ratio: the kd-tree's speed over the BVH's, lo and hi from
     the ends of both intervals; epo: that of the BVH's tree (Aila, Karras, Laine 2013)."""
     cases = report.timed_queries
     if cases.empty:
@@ -95,7 +95,7 @@ def charts(report):
             height=240,
             spans={"x": {"of": ["epo"], "factor": 1}, "y": {"of": ["lo", "hi"], "factor": 1}},
             notes=[
-                "Above 1 the kd-tree wins. One dot a scene and kind of ray: the fastest of each, scalar traversal, default "
+                "Above 1 the kd-tree wins. One dot a scene and kind of ray: the fastest of each, both binary trees, default "
                 "arithmetic. Cells of a kd-tree do not overlap (EPO 0), and the nearest one is visited first."
             ],
         )
