@@ -1,4 +1,4 @@
-// What wide traversal needs of vectors beyond accel/base/simd.h: operations for which the compiler may not find the one
+// What tests of boxes and triangles need of vectors beyond simd.h: operations for which the compiler may not find the one
 // instruction, chosen by the target it compiles for. The portable ways give the same results to the bit, but for
 // MultiplyAdd.
 #pragma once

@@ -140,23 +140,22 @@ class LeafBlocks {
           asm("" : "+r"(state));
           changed |=
               state->lanes.template Take<kAnyHit>(*block, candidates, state->query, state->slab, true, best);
-          candidates = 0;
-        } else if constexpr (!kProcedural) {
-          candidates &= ray.test.MayHit(Lanes<kLanes>{block->v});
-        }
-        for (; candidates != 0; candidates &= candidates - 1) {
-          const int i = __builtin_ctz(candidates);
-          if constexpr (kProcedural) {
-            changed |= ray.Primitive(geometry, block->prim[i], best);
-          } else {
-            auto corner = [&](int c) {
-              return Vec3f{block->v[c][0][i], block->v[c][1][i], block->v[c][2][i]};
-            };
-            changed |= ray.Triangle(corner(0), corner(1), corner(2), block->prim[i], best);
-          }
           if (kAnyHit && changed) return true;
+        } else {
+          if constexpr (!kProcedural) candidates &= ray.test.MayHit(Lanes<kLanes>{block->v});
+          for (; candidates != 0; candidates &= candidates - 1) {
+            const int i = __builtin_ctz(candidates);
+            if constexpr (kProcedural) {
+              changed |= ray.Primitive(geometry, block->prim[i], best);
+            } else {
+              auto corner = [&](int c) {
+                return Vec3f{block->v[c][0][i], block->v[c][1][i], block->v[c][2][i]};
+              };
+              changed |= ray.Triangle(corner(0), corner(1), corner(2), block->prim[i], best);
+            }
+            if (kAnyHit && changed) return true;
+          }
         }
-        if (kAnyHit && changed) return true;
       }
       if (left <= kLanes) return changed;
       left -= kLanes;

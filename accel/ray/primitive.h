@@ -25,7 +25,8 @@ struct RayState {
   struct Nothing {};
   [[no_unique_address]] std::conditional_t<kInLanes, WatertightLanes, Nothing> lanes;
 
-  explicit RayState(const RayQuery& q) : query(q), slab(q.ray, Test::kSlack), test(q.ray), lanes(Lanes()) {}
+  explicit RayState(const RayQuery& q)
+      : query(q), slab(q.ray, Test::kSlack), test(q.ray), lanes(LanesOfRay()) {}
 
   /// What traversal asks where boxes hold parts of primitives (ray/bounds.h).
   SlabRay SlabOfParts() const { return slab.Widened(Test::kSlack); }
@@ -53,7 +54,7 @@ struct RayState {
   }
 
  private:
-  auto Lanes() const {
+  auto LanesOfRay() const {
     if constexpr (kInLanes) {
       return WatertightLanes(query, slab, test.shear());
     } else {
