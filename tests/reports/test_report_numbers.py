@@ -57,13 +57,19 @@ def test_exponents_of_power_laws_are_found(tmp_path):
     for size in (1000, 4000, 20_000, 100_000):
         scene, wobble = f"terrain(size={size})", noise.uniform(0.99, 1.01)
         rows.append(case("bvh_sah", scene, "build", "build", noise, primitives=size, median_ns=7 * size**1.2 * wobble))
-        rows.append(case("bvh_sah", scene, "camera", "closest", noise, primitives=size, median_ns=50 * size**0.25))
+        rows[-1] |= {"node_bytes": 5 * size, "prim_bytes": 3 * size, "build_peak_bytes": ""}  # no peak: no fit
+        grows = {"median_ns": 50 * size**0.25, "steps": 3 * size**0.1, "bytes": 100}
+        rows.append(case("bvh_sah", scene, "camera", "closest", noise, primitives=size, **grows))
     rows.append(case("bvh_sah", "soup(size=5)", "camera", "closest", noise, primitives=5))  # one size: no exponent
     fits = scaling.fits(read(write_run(tmp_path / "run", rows))).set_index("quantity")
     assert set(fits["family"]) == {"terrain"}
-    assert fits.loc["build, ms", "exponent"] == pytest.approx(1.2, abs=0.01)
-    assert fits.loc["build, ms", "lo"] < 1.2 < fits.loc["build, ms", "hi"]
+    assert fits.loc["build time, ms", "exponent"] == pytest.approx(1.2, abs=0.01)
+    assert fits.loc["build time, ms", "lo"] < 1.2 < fits.loc["build time, ms", "hi"]
     exact = fits.loc["camera, ns per ray"]
+    assert fits.loc["memory of the tree, MiB", "exponent"] == pytest.approx(1)
+    assert fits.loc["camera, steps per ray", "exponent"] == pytest.approx(0.1)
+    assert fits.loc["camera, bytes per ray", "exponent"] == pytest.approx(0, abs=1e-9)
+    assert not fits.index.str.startswith("peak").any()
     assert exact["exponent"] == pytest.approx(0.25) and exact["hi"] - exact["lo"] < 1e-6
 
 
