@@ -1,6 +1,8 @@
 #include "harness/judge/end_point_overlap.h"
 
+#include <algorithm>
 #include <numeric>
+#include <span>
 #include <vector>
 
 #include "accel/base/parallel.h"
@@ -17,9 +19,18 @@ struct FlatTree {
     float cost;
     uint32_t end;                          // the node after the subtree
     uint64_t first_reference, references;  // of the whole subtree
+    uint32_t run;                          // index of the longest run that begins here
+  };
+  /// Consecutive children of one node, and all that is below them.
+  struct Run {
+    Bounds3 box;
+    uint32_t first, end;
   };
   std::vector<Node> nodes;
   std::vector<std::pair<uint32_t, uint64_t>> references;  // primitive, place in pre-order; sorted
+  /// A grid is a node with millions of children: of these, kRun at a time, kRun of such runs at a time, and so on, can
+  /// be passed over together. In pre-order, longer ones first.
+  std::vector<Run> runs;
   bool all_boxes = true;
 
   explicit FlatTree(const Tree& tree) {
@@ -31,6 +42,7 @@ struct FlatTree {
         },
         this);
     Close(0);
+    if (all_boxes) FindRuns();
     std::sort(references.begin(), references.end());
   }
 
@@ -51,6 +63,7 @@ struct FlatTree {
                      n.is_leaf ? float(n.prim_count) : 1.0f,
                      0,
                      references.size(),
+                     0,
                      0});
     for (uint32_t i = 0; i < n.prim_count; ++i) references.emplace_back(n.prims[i], references.size());
   }
@@ -61,6 +74,34 @@ struct FlatTree {
       node.end = uint32_t(nodes.size());
       node.references = references.size() - node.first_reference;
     }
+  }
+
+  void FindRuns() {
+    constexpr size_t kRun = 32;
+    std::vector<uint32_t> children;
+    for (uint32_t i = 0; i < nodes.size(); ++i) {
+      children.clear();
+      for (uint32_t c = i + 1; c < nodes[i].end; c = nodes[c].end) children.push_back(c);
+      size_t longest = kRun;
+      while (longest * kRun < children.size()) longest *= kRun;
+      if (children.size() <= kRun) continue;
+      for (size_t c = 0; c < children.size(); c += kRun)
+        for (size_t length = longest; length >= kRun; length /= kRun)
+          if (c % length == 0)
+            runs.push_back(
+                RunOf(std::span(children).subspan(c).first(std::min(length, children.size() - c))));
+    }
+    // Those of a node further down were found after those of its ancestors' later children.
+    std::stable_sort(runs.begin(), runs.end(), [](const Run& a, const Run& b) { return a.first < b.first; });
+    for (uint32_t i = 0, run = 0; i < nodes.size(); ++i) {
+      while (run < runs.size() && runs[run].first < i) ++run;
+      nodes[i].run = run;
+    }
+  }
+  Run RunOf(std::span<const uint32_t> children) const {
+    Run run{{}, children.front(), nodes[children.back()].end};
+    for (uint32_t c : children) run.box.Extend(nodes[c].box);
+    return run;
   }
 
   std::vector<uint32_t> open_;
@@ -96,14 +137,22 @@ struct Piece {
   }
 };
 
+bool Apart(const Bounds3& a, const Bounds3& b) {
+  return a.lo.x > b.hi.x || a.hi.x < b.lo.x || a.lo.y > b.hi.y || a.hi.y < b.lo.y || a.lo.z > b.hi.z ||
+         a.hi.z < b.lo.z;
+}
+
 double CostOfStrangers(const FlatTree& tree, uint32_t prim, const Piece& triangle, const Bounds3& bounds) {
   double cost = 0;
   for (uint32_t i = 0; i < tree.nodes.size();) {
     const FlatTree::Node& node = tree.nodes[i];
-    const bool apart = bounds.lo.x > node.box.hi.x || bounds.hi.x < node.box.lo.x ||
-                       bounds.lo.y > node.box.hi.y || bounds.hi.y < node.box.lo.y ||
-                       bounds.lo.z > node.box.hi.z || bounds.hi.z < node.box.lo.z;
-    if (apart) {
+    uint32_t run = node.run;
+    while (run < tree.runs.size() && tree.runs[run].first == i && !Apart(bounds, tree.runs[run].box)) ++run;
+    if (run < tree.runs.size() && tree.runs[run].first == i) {
+      i = tree.runs[run].end;
+      continue;
+    }
+    if (Apart(bounds, node.box)) {
       i = node.end;
       continue;
     }

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <random>
@@ -361,6 +362,26 @@ TEST(HarnessEndPointOverlap, CountsTheAreaOfStrangersInEachNode) {
   // A leaf of two primitives costs two, and both belong to it.
   hand.nodes[2].prim_count = 2;
   EXPECT_EQ(*EndPointOverlap(hand.Build(mesh.Geometry()), mesh.Geometry(), 100, 1), 0);
+}
+
+TEST(HarnessEndPointOverlap, MillionsOfChildrenArePassedOverTogether) {
+  // A row of leaves along x, as a grid has: the second triangle stands alone in the last, and one stranger's leaf, in
+  // the middle of a run, reaches it.
+  const testing::Mesh mesh = TwoTriangles();
+  constexpr int kLeaves = 3000;
+  std::vector<std::array<float, 6>> boxes(kLeaves);
+  const float root[] = {-kLeaves, 0, 0, 3, 1, 1};
+  const uint32_t prims[] = {0, 1};
+  HandTree hand;
+  hand.nodes = {{0, 0, 0, RB_SHAPE_BOX, root, 6, 0, nullptr}};
+  for (int i = 0; i < kLeaves; ++i) {
+    boxes[i] = {float(i - kLeaves), 0, 0, float(i - kLeaves + 1), 1, 1};
+    if (i == 1500) boxes[i] = {0, 0, 0, 3, 1, 0.5f};
+    if (i == kLeaves - 1) boxes[i] = {2, 0, 0, 3, 1, 1};
+    const uint32_t count = i == 1500 || i == kLeaves - 1;
+    hand.nodes.push_back({1, 1, 0, RB_SHAPE_BOX, boxes[i].data(), 6, count, i == 1500 ? prims : prims + 1});
+  }
+  EXPECT_NEAR(*EndPointOverlap(hand.Build(mesh.Geometry()), mesh.Geometry(), 100, 1), 0.75 / 2, 1e-12);
 }
 
 TEST(HarnessBoundTightness, IsTheRatioOfAreasForOneTriangle) {
