@@ -2,6 +2,7 @@
 #include "accel/base/branch.h"
 #include "accel/base/lanes.h"
 #include "accel/bvh/bvh2.h"
+#include "accel/ray/study.h"
 
 namespace raybench {
 namespace {
@@ -41,6 +42,29 @@ class NodeTest {
   LaneXor<4> near_first_[3];
 };
 
+/// The slab test of textbooks: t of both planes, whichever is met first, by std::min and std::max. Where one is NaN
+/// these return their first operand.
+class NaiveNodeTest {
+ public:
+  explicit NaiveNodeTest(const rb_ray& ray) {
+    for (int a = 0; a < 3; ++a) inv_[a] = Splat<Float4>(1 / ray.dir[a]), org_[a] = Splat<Float4>(ray.org[a]);
+  }
+
+  Float4 Intervals(const float (&bounds)[3][4], Float4 limits) const {
+    for (int a = 0; a < 3; ++a) {
+      const Float4 t = (Load<Float4>(bounds[a]) - org_[a]) * inv_[a];  // lower planes, upper planes
+      const Float4 other = __builtin_shufflevector(t, t, 2, 3, 0, 1);
+      const Float4 near = Smaller<4>(other, t),
+                   far = -Larger<4>(t, other);  // in lanes 0, 1 and in lanes 2, 3
+      limits = Larger<4>(__builtin_shufflevector(near, far, 0, 1, 6, 7), limits);
+    }
+    return limits;
+  }
+
+ private:
+  Float4 inv_[3], org_[3];
+};
+
 }  // namespace
 
 /// True if `best` changed.
@@ -51,9 +75,16 @@ template <class Test, class Counter, bool kProcedural, bool kAnyHit>
   counter.Step(0);
   counter.Leaf(false);
   // As a whole, also where a hit ends the search in it.
-  counter.Prims(count, Blocks::BlocksOf(count) * sizeof(Blocks::Block));
-  NoCounting counted;
-  return leaves_.Intersect<kProcedural, kAnyHit>(first, count, ray, best, counted, NoMailbox{});
+  uint64_t bytes = Blocks::BlocksOf(count) * sizeof(Blocks::Block);
+  if constexpr (std::is_same_v<Test, StudyTest>) bytes = ray.study().BytesTested(count, bytes);
+  counter.Prims(count, bytes);
+  if constexpr (std::is_same_v<Test, StudyTest>) {
+    return ray.TakeLeaf(geometry_, leaves_.Address(first), size_t{first} * Blocks::kLanes, count, kAnyHit,
+                        best);
+  } else {
+    NoCounting counted;
+    return leaves_.Intersect<kProcedural, kAnyHit>(first, count, ray, best, counted, NoMailbox{});
+  }
 }
 
 template <class Test, class Counter, bool kProcedural, bool kAnyHit>
@@ -145,7 +176,28 @@ void Bvh2::Query(uint32_t numerics, const rb_query& query) const {
   });
 }
 
+template <class Counter>
+void Bvh2::QueryStudy(const Study& study, SlabRule rule, uint32_t numerics, const rb_query& query) const {
+  if (root_ == kEmpty) return ForEachRay<Counter>(query, [](auto, const RayQuery&, rb_hit&, Counter&) {});
+  const Slack slack = rule == SlabRule::kAsNumerics ? SlackOf(numerics) : Slack::kNone;
+  // Ize scales t; the reciprocal, which is scaled here, rounds once more: 1 + 2 gamma_4.
+  const float far = rule == SlabRule::kPadded ? 1 + 0x1p-21f : 1;
+  ForEachRay<Counter>(query, [&](auto any, const RayQuery& q, rb_hit& best, Counter& counter) {
+    SlabRay slab(q.ray, slack);
+    slab.inv_far = slab.inv_far * far;
+    const RayState<StudyTest> ray(study, q, slab);
+    if (rule == SlabRule::kNaive) {
+      Walk<NaiveNodeTest, StudyTest, Counter, false, any.value>(NaiveNodeTest(q.ray), ray, best, counter);
+    } else {
+      const float widening = clipped_ ? SlabRay::Widening(slack) : 1;
+      Walk<NodeTest<false>, StudyTest, Counter, false, any.value>({slab, widening}, ray, best, counter);
+    }
+  });
+}
+
 template void Bvh2::Query<NoCounting>(uint32_t, const rb_query&) const;
 template void Bvh2::Query<Counting>(uint32_t, const rb_query&) const;
+template void Bvh2::QueryStudy<NoCounting>(const Study&, SlabRule, uint32_t, const rb_query&) const;
+template void Bvh2::QueryStudy<Counting>(const Study&, SlabRule, uint32_t, const rb_query&) const;
 
 }  // namespace raybench

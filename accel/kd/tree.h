@@ -35,6 +35,10 @@
 
 namespace raybench {
 
+class Study;
+enum class PlaneRule : uint32_t;
+class StudyTest;
+
 /// See above.
 struct KdNode {
   static constexpr uint32_t kLeaf = 3;
@@ -89,6 +93,11 @@ class KdTree {
     }
   }
 
+  /// The same with the tests of a study that is on (ray/study.h); `rule` kAsNumerics: the traversal of `numerics`.
+  template <class Counter>
+  void QueryStudy(const Study& study, PlaneRule rule, uint32_t numerics, const rb_query& query) const;
+  const auto& leaves() const { return blocks_; }
+
   MemoryUse Memory() const { return {nodes_.bytes(), blocks_.bytes(), geometry_.procedural_count > 0}; }
 
   /// node(const rb_node&) in pre-order until it returns non-zero.
@@ -108,6 +117,9 @@ class KdTree {
   template <class Test, class Counter, bool kProcedural, bool kAnyHit>
   void Trace(const RayState<Test>& ray, rb_hit& best, Counter& counter) const;
 
+  template <class Test, class Counter, bool kProcedural, bool kAnyHit>
+  bool Leaf(const KdNode& leaf, const RayState<Test>& ray, rb_hit& best, Counter& counter) const;
+
   template <class Fn>
   int VisitBelow(const KdNode* at, const Bounds3& cell, uint32_t depth, Fn& node) const;
 
@@ -116,6 +128,20 @@ class KdTree {
   LeafBlocks<> blocks_;
   Bounds3 cell_;
 };
+
+/// True if `best` changed.
+template <class Test, class Counter, bool kProcedural, bool kAnyHit>
+[[gnu::always_inline]] inline bool KdTree::Leaf(const KdNode& leaf, const RayState<Test>& ray, rb_hit& best,
+                                                Counter& counter) const {
+  if constexpr (std::is_same_v<Test, StudyTest>) {
+    const uint64_t bytes = LeafBlocks<>::BlocksOf(leaf.count()) * sizeof(LeafBlocks<>::Block);
+    counter.Prims(leaf.count(), ray.study().BytesTested(leaf.count(), bytes));
+    const size_t place = size_t{leaf.first} * LeafBlocks<>::kLanes;
+    return ray.TakeLeaf(geometry_, blocks_.Address(leaf.first), place, leaf.count(), kAnyHit, best);
+  } else {
+    return blocks_.Intersect<kProcedural, kAnyHit>(leaf.first, leaf.count(), ray, best, counter, NoMailbox());
+  }
+}
 
 template <class Test, class Counter, bool kProcedural, bool kAnyHit>
 inline void KdTree::Trace(const RayState<Test>& ray, rb_hit& best, Counter& counter) const {
@@ -162,11 +188,7 @@ inline void KdTree::Trace(const RayState<Test>& ray, rb_hit& best, Counter& coun
     const uint32_t count = node->count();
     counter.Step(sizeof(KdNode));
     counter.Leaf(count == 0);
-    if (count > 0 &&
-        blocks_.Intersect<kProcedural, kAnyHit>(node->first, count, ray, best, counter, NoMailbox()) &&
-        kAnyHit) {
-      return;
-    }
+    if (count > 0 && Leaf<Test, Counter, kProcedural, kAnyHit>(*node, ray, best, counter) && kAnyHit) return;
     do {
       if (top == 0) return;
       --top;
