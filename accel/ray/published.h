@@ -4,7 +4,10 @@
 //   MollerTrumbore  Moeller and Trumbore 1997: Fast, minimum storage ray/triangle intersection; in float or double,
 //                   without a least determinant
 //   BaldwinWeber    Baldwin and Weber 2016: Fast ray-triangle intersections by coordinate transformation
-//   Pluecker        Amanatides and Choi 1997: Ray tracing triangular meshes; Pluecker coordinates from the ray's origin
+//   Pluecker        signs of the products of ray and edges in Pluecker coordinates from the ray's origin (Jones 2000:
+//                   Intersecting a ray and a triangle with Pluecker coordinates), with an edge's coordinates from the
+//                   sum and difference of its ends, as Embree has them (Wald et al. 2014): equal but for the sign in
+//                   both triangles at the edge
 //   Woop            Woop, Benthin, Wald 2013: Watertight ray/triangle intersection; in float with its fallback to
 //                   double where an edge function is zero, or all in double
 //
@@ -12,6 +15,7 @@
 // contract would write it: a b + c in one rounding, and of a b - c d the second product alone is rounded.
 #pragma once
 
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <type_traits>
@@ -96,19 +100,22 @@ class MollerTrumbore : public Unguarded {
 /// Of one triangle, made when the structure is built: the affine map that takes it to the unit triangle, as far as it
 /// is not 0 or 1. `axis` is that along which the normal is longest, the two others follow in cyclic order.
 struct BaldwinWeberMap {
-  float u[3], v[3], plane[3];  ///< of the second and third coordinate, and a constant; plane: of the first 1
+  std::array<float, 3> u, v,
+      plane;  ///< of the second and third coordinate, and a constant; plane: of the first 1
   uint32_t axis;
 
+  /// In double, rounded once at the end: in float, as first published, four times as many rays leak.
   static BaldwinWeberMap Of(Vec3f p0, Vec3f p1, Vec3f p2) {
-    const Vec3f e1 = p1 - p0, e2 = p2 - p0, n = Cross(e1, e2);
+    const Vec3d a = ToDouble(p0), e1 = ToDouble(p1) - a, e2 = ToDouble(p2) - a, n = Cross(e1, e2);
     const int axis = std::fabs(n.x) > std::fabs(n.y) ? (std::fabs(n.x) > std::fabs(n.z) ? 0 : 2)
                                                      : (std::fabs(n.y) > std::fabs(n.z) ? 1 : 2);
     const int b = (axis + 1) % 3, c = (axis + 2) % 3;
-    const float k = n[axis];
-    return {{e2[c] / k, -e2[b] / k, (p2[b] * p0[c] - p2[c] * p0[b]) / k},
-            {-e1[c] / k, e1[b] / k, (p1[c] * p0[b] - p1[b] * p0[c]) / k},
-            {n[b] / k, n[c] / k, -Dot(n, p0) / k},
-            uint32_t(axis)};
+    const auto row = [&](double y, double z, double constant) {
+      const double k = n[axis];
+      return std::array{float(y / k), float(z / k), float(constant / k)};
+    };
+    return {row(e2[c], -e2[b], e2[b] * a[c] - e2[c] * a[b]), row(-e1[c], e1[b], e1[c] * a[b] - e1[b] * a[c]),
+            row(n[b], n[c], -Dot(n, a)), uint32_t(axis)};
   }
 };
 
@@ -147,8 +154,7 @@ class Pluecker : public Unguarded {
 
   bool Intersect(Vec3f p0, Vec3f p1, Vec3f p2, PrimHit& hit) const {
     const Vec3f a = p0 - org_, b = p1 - org_, c = p2 - org_;
-    const float u = R::Dot(dir_, R::Cross(b, c)), v = R::Dot(dir_, R::Cross(c, a)),
-                w = R::Dot(dir_, R::Cross(a, b)), sum = u + v + w;
+    const float u = Side(b, c), v = Side(c, a), w = Side(a, b), sum = u + v + w;
     if (!SameSign(u, v, w) || sum == 0) return false;
     const Vec3f n = R::Cross(p1 - p0, p2 - p0);
     hit = {R::Dot(n, a) / R::Dot(n, dir_), v / sum, w / sum};
@@ -156,6 +162,9 @@ class Pluecker : public Unguarded {
   }
 
  private:
+  /// On which side of the ray the edge from a to b passes, times twice the volume that they span.
+  float Side(Vec3f a, Vec3f b) const { return R::Dot(dir_, R::Cross(b - a, a + b)); }
+
   Vec3f org_, dir_;
 };
 

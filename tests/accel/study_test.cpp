@@ -47,12 +47,14 @@ size_t Misses(const std::string& spec, const Mesh& mesh, const std::vector<rb_ra
   return size_t(std::count_if(hits.begin(), hits.end(), IsMiss));
 }
 
-/// Answers that say hit or miss where `expected` says the other, or t that differs by more than `ulps`.
+/// Answers that say hit or miss where `expected` says the other, or t that differs by more than `ulps` of t or, if that is
+/// more, of the direction's length, which is about the scene's.
 size_t Differences(const std::vector<rb_hit>& got, const std::vector<rb_hit>& expected, float ulps) {
   size_t n = 0;
   for (size_t i = 0; i < got.size(); ++i)
     n += IsMiss(got[i]) != IsMiss(expected[i]) ||
-         (!IsMiss(got[i]) && std::fabs(got[i].t - expected[i].t) > ulps * 0x1p-23f * expected[i].t);
+         (!IsMiss(got[i]) &&
+          std::fabs(got[i].t - expected[i].t) > ulps * 0x1p-23f * std::max(expected[i].t, 1.0f));
   return n;
 }
 
@@ -90,7 +92,7 @@ TEST(Study, DoubleGivesTWithinAnUlp) {
         << test;
 }
 
-TEST(Study, LeaksInThePublishedOrder) {
+TEST(Study, LeaksAsPublished) {
   const Mesh mesh = Ball(4);
   const auto rays = AimedFromInside(mesh, 20000, 3);
   std::map<std::string, size_t> leaks;
@@ -100,15 +102,18 @@ TEST(Study, LeaksInThePublishedOrder) {
         Misses(std::string("bvh_sah(triangle=") + test + ",fma=true)", mesh, rays);
   }
   for (const auto& [test, n] : leaks) RecordProperty(test, int(n));
+  // Watertight: none. Signs that agree at edges: vertices alone. Double: what no float can tell. Float: percents.
   EXPECT_EQ(leaks["woop"], 0u);
   EXPECT_EQ(leaks["woop_double"], 0u);
-  EXPECT_GT(leaks["pluecker"], 0u);
-  EXPECT_GT(leaks["moeller_trumbore_double"], leaks["pluecker"]);
-  EXPECT_GT(leaks["baldwin_weber"], leaks["moeller_trumbore_double"]);
-  EXPECT_GT(leaks["moeller_trumbore"], leaks["baldwin_weber"]);
-  EXPECT_GT(leaks["moeller_trumbore"], rays.size() / 50);
-  EXPECT_GT(leaks["woop fma"], 0u) << "two triangles round the products of their edge differently";
-  EXPECT_GT(leaks["pluecker fma"], leaks["pluecker"]);
+  for (const char* few : {"pluecker", "moeller_trumbore_double"}) {
+    EXPECT_GT(leaks[few], 0u) << few;
+    EXPECT_LT(leaks[few], rays.size() / 200) << few;
+  }
+  for (const char* many : {"moeller_trumbore", "baldwin_weber"})
+    EXPECT_GT(leaks[many], rays.size() / 50) << many;
+  for (const char* test : {"moeller_trumbore", "baldwin_weber", "pluecker", "woop"})
+    EXPECT_GT(leaks[test + std::string(" fma")], leaks[test])
+        << test << ": products of an edge are rounded differently";
 }
 
 TEST(Study, ExactIsExactWhereTraversalIsMadeForIt) {
