@@ -5,6 +5,16 @@
 
 namespace raybench {
 
+/// True if `best` changed.
+template <class Ray, class Counter>
+inline bool KdTree::StudyLeaf(const KdNode& leaf, const Ray& ray, bool any, rb_hit& best,
+                              Counter& counter) const {
+  const uint64_t bytes = LeafBlocks<>::BlocksOf(leaf.count()) * sizeof(LeafBlocks<>::Block);
+  counter.Prims(leaf.count(), ray.study().BytesTested(leaf.count(), bytes));
+  const size_t place = size_t{leaf.first} * LeafBlocks<>::kLanes;
+  return ray.TakeLeaf(geometry_, blocks_.Address(leaf.first), place, leaf.count(), any, best);
+}
+
 template <class Counter>
 void KdTree::QueryStudy(const Study& study, PlaneRule rule, uint32_t numerics, const rb_query& query) const {
   const Slack slack = rule == PlaneRule::kAsNumerics ? SlackOf(numerics) : Slack::kNone;

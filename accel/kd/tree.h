@@ -117,8 +117,8 @@ class KdTree {
   template <class Test, class Counter, bool kProcedural, bool kAnyHit>
   void Trace(const RayState<Test>& ray, rb_hit& best, Counter& counter) const;
 
-  template <class Test, class Counter, bool kProcedural, bool kAnyHit>
-  bool Leaf(const KdNode& leaf, const RayState<Test>& ray, rb_hit& best, Counter& counter) const;
+  template <class Ray, class Counter>
+  bool StudyLeaf(const KdNode& leaf, const Ray& ray, bool any, rb_hit& best, Counter& counter) const;
 
   template <class Fn>
   int VisitBelow(const KdNode* at, const Bounds3& cell, uint32_t depth, Fn& node) const;
@@ -128,20 +128,6 @@ class KdTree {
   LeafBlocks<> blocks_;
   Bounds3 cell_;
 };
-
-/// True if `best` changed.
-template <class Test, class Counter, bool kProcedural, bool kAnyHit>
-[[gnu::always_inline]] inline bool KdTree::Leaf(const KdNode& leaf, const RayState<Test>& ray, rb_hit& best,
-                                                Counter& counter) const {
-  if constexpr (std::is_same_v<Test, StudyTest>) {
-    const uint64_t bytes = LeafBlocks<>::BlocksOf(leaf.count()) * sizeof(LeafBlocks<>::Block);
-    counter.Prims(leaf.count(), ray.study().BytesTested(leaf.count(), bytes));
-    const size_t place = size_t{leaf.first} * LeafBlocks<>::kLanes;
-    return ray.TakeLeaf(geometry_, blocks_.Address(leaf.first), place, leaf.count(), kAnyHit, best);
-  } else {
-    return blocks_.Intersect<kProcedural, kAnyHit>(leaf.first, leaf.count(), ray, best, counter, NoMailbox());
-  }
-}
 
 template <class Test, class Counter, bool kProcedural, bool kAnyHit>
 inline void KdTree::Trace(const RayState<Test>& ray, rb_hit& best, Counter& counter) const {
@@ -188,7 +174,13 @@ inline void KdTree::Trace(const RayState<Test>& ray, rb_hit& best, Counter& coun
     const uint32_t count = node->count();
     counter.Step(sizeof(KdNode));
     counter.Leaf(count == 0);
-    if (count > 0 && Leaf<Test, Counter, kProcedural, kAnyHit>(*node, ray, best, counter) && kAnyHit) return;
+    if constexpr (std::is_same_v<Test, StudyTest>) {
+      if (count > 0 && StudyLeaf(*node, ray, kAnyHit, best, counter) && kAnyHit) return;
+    } else if (count > 0 &&
+               blocks_.Intersect<kProcedural, kAnyHit>(node->first, count, ray, best, counter, NoMailbox()) &&
+               kAnyHit) {
+      return;
+    }
     do {
       if (top == 0) return;
       --top;

@@ -82,7 +82,9 @@ Slack SlackOf(uint32_t numerics) {
   return WithNumerics(numerics, []<class T>() { return T::kSlack; });
 }
 
-Study::Study(uint32_t numerics, uint32_t triangle, bool fma, bool rules) : numerics_(numerics) {
+Study::Study(uint32_t numerics, uint32_t triangle, bool fma, bool rules, double t_tolerance)
+    : numerics_(numerics), reach_(float(1 / (1 + t_tolerance))) {
+  rules = rules || t_tolerance > 0;
   const TriangleTest choice{triangle};
   test_ = fma ? Published<Fused>(choice) : Published<Rounded>(choice);
   if (test_ == nullptr && fma)

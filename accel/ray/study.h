@@ -51,6 +51,13 @@ constexpr rb_param FmaParam(size_t offset) {
                    RB_PARAM_APPROXIMATE);
 }
 
+constexpr rb_param TToleranceParam(size_t offset) {
+  return FloatParam("t_tolerance",
+                    "closest-hit rays stop looking for a hit that would be nearer by no more: t is at most "
+                    "1 + t_tolerance times the nearest hit's",
+                    offset, 0, 1, 0, RB_PARAM_APPROXIMATE);
+}
+
 /// How a ray meets the two boxes of a node, where that is studied. The rules other than kAsNumerics are as published,
 /// for boxes that are not padded.
 enum class SlabRule : uint32_t {
@@ -93,9 +100,9 @@ class Study {
 
   /// No study: the structure uses its ordinary way.
   Study() = default;
-  /// `rules`: whether the structure departs from `numerics` in another way; then as_numerics is a test like the others.
-  /// Throws std::runtime_error where `fma` is set and there is nothing to fuse.
-  Study(uint32_t numerics, uint32_t triangle, bool fma, bool rules);
+  /// `rules`: whether the structure departs from `numerics` in another way; then as_numerics is a test like the others,
+  /// as it is where t_tolerance, >= 0, is not 0. Throws std::runtime_error where `fma` is set and there is nothing to fuse.
+  Study(uint32_t numerics, uint32_t triangle, bool fma, bool rules, double t_tolerance = 0);
 
   bool on() const { return test_ != nullptr; }
   /// RB_CLAIM_*: only the exact test, in a traversal made for it, claims anything.
@@ -130,6 +137,8 @@ class Study {
     return maps_.size() == 0 ? vertices : count * (sizeof(Map) + sizeof(uint32_t));
   }
   const Test& test() const { return *test_; }
+  /// Of t: how near a hit must promise to be to be looked for.
+  float reach() const { return reach_; }
 
  private:
   bool NeedsMaps() const;
@@ -138,6 +147,7 @@ class Study {
   const Test* test_ = nullptr;
   uint32_t numerics_ = 0;
   bool claims_ = false;
+  float reach_ = 1;
   HugeArray<Map> maps_;
 };
 
@@ -160,6 +170,11 @@ class RayState<StudyTest> {
 
   SlabRay SlabOfParts() const { return slab; }
   const Study& study() const { return study_; }
+
+  /// What t a hit must come before to be looked for. A ray that resumes behind hits gets all in their order.
+  float Reach(const rb_hit& best) const {
+    return best.prim == RAYBENCH_NONE || query.after != RAYBENCH_NONE ? best.t : best.t * study_.reach();
+  }
 
   /// Takes the nearest hit in the block into `best`; with `any`, the first one found. True if `best` changed.
   bool Take(const rb_geometry& geometry, const StudyBlock& block, bool any, rb_hit& best) const;

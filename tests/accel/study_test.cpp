@@ -181,6 +181,38 @@ TEST(Study, TextbookPlanesLoseRaysThatPaddedOnesFind) {
   EXPECT_EQ(s.Lost(spec("padded"), s.oblique), 0u);
 }
 
+TEST(Study, ToleranceBoundsTAndFindsTheSameRays) {
+  const Mesh mesh = Needles(400);
+  const auto rays = RandomRays(4000, 8);
+  const auto expected = Closest(Build("bvh_sah", mesh.Geometry()), rays);
+  size_t farther = 0;
+  for (const char* spec : {"bvh_sah(t_tolerance=0.1)", "bvh_sah(t_tolerance=0.1,triangle=woop)"}) {
+    const Tree tree = Build(spec, mesh.Geometry());
+    EXPECT_EQ(tree.Claims(), uint32_t(RB_CLAIM_INEXACT));
+    const auto got = Closest(tree, rays);
+    for (size_t i = 0; i < rays.size(); ++i) {
+      ASSERT_EQ(IsMiss(got[i]), IsMiss(expected[i])) << spec << " " << i;
+      if (IsMiss(got[i])) continue;
+      ASSERT_LE(got[i].t, 1.1f * (1 + 0x1p-20f) * expected[i].t) << spec << " " << i;
+      farther += got[i].t > expected[i].t * (1 + 0x1p-20f);
+    }
+  }
+  EXPECT_GT(farther, 0u);
+}
+
+TEST(Study, ToleranceLeavesWalksInOrder) {
+  const Mesh mesh = Ball(3);
+  const Tree tree = Build("bvh_sah(t_tolerance=1)", mesh.Geometry());
+  const uint32_t after = 0;  // behind t = 0
+  for (rb_ray ray : RandomRays(500, 9)) {
+    rb_hit hit{};
+    rb_query q{};
+    q.struct_size = sizeof q, q.kind = RB_CLOSEST, q.n = 1, q.rays = &ray, q.after = &after, q.hits = &hit;
+    tree.Query(q);
+    EXPECT_EQ(hit.prim, Closest(Build("brute", mesh.Geometry()), {ray})[0].prim);
+  }
+}
+
 /// The same tree under every rule: what differs is the test.
 TEST(Study, RulesShareTheTree) {
   const Mesh mesh = Ball(3);

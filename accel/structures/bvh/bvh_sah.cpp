@@ -11,7 +11,8 @@
 // traversal stack's; the same tree at any thread count.
 //
 // Parameters: more bins find better planes and take longer; `reinsertion` improves the tree after it is
-// built (accel/bvh/reinsertion.h); `triangle`, `slab` and `fma` are for the study of accuracy (accel/ray/study.h).
+// built (accel/bvh/reinsertion.h); `triangle`, `slab`, `fma` and `t_tolerance` are for the study of
+// accuracy (accel/ray/study.h).
 #include "accel/bvh/binned_sah.h"
 #include "accel/bvh/structure.h"
 #include "accel/ray/study.h"
@@ -25,6 +26,7 @@ class BvhSah : public BvhStructure {
     BvhConfig bvh;
     int64_t bins;
     uint32_t triangle, slab, fma;
+    double t_tolerance;
 
     bool Padded() const { return bvh.Padded() && SlabRule(slab) == SlabRule::kAsNumerics; }
   };
@@ -40,7 +42,8 @@ class BvhSah : public BvhStructure {
                                       kBvhReinsertion,
                                       TriangleParam(offsetof(Config, triangle)),
                                       SlabParam(offsetof(Config, slab)),
-                                      FmaParam(offsetof(Config, fma))};
+                                      FmaParam(offsetof(Config, fma)),
+                                      TToleranceParam(offsetof(Config, t_tolerance))};
     return params;
   }
 
@@ -54,7 +57,8 @@ class BvhSah : public BvhStructure {
         geometry_(geometry),
         numerics_(config.bvh.numerics),
         slab_{config.slab},
-        study_(numerics_, config.triangle, config.fma != 0, slab_ != SlabRule::kAsNumerics) {
+        study_(numerics_, config.triangle, config.fma != 0, slab_ != SlabRule::kAsNumerics,
+               config.t_tolerance) {
     const MemoryUse use = BvhStructure::Memory();
     study_.Precompute(geometry, bvh().leaves(), use.nodes + use.prims, options);
   }
