@@ -104,7 +104,7 @@ struct BaldwinWeberMap {
       plane;  ///< of the second and third coordinate, and a constant; plane: of the first 1
   uint32_t axis;
 
-  /// In double, rounded once at the end: in float, as first published, four times as many rays leak.
+  /// In double, rounded once at the end: in float, as first published, up to twice as many rays leak.
   static BaldwinWeberMap Of(Vec3f p0, Vec3f p1, Vec3f p2) {
     const Vec3d a = ToDouble(p0), e1 = ToDouble(p1) - a, e2 = ToDouble(p2) - a, n = Cross(e1, e2);
     const int axis = std::fabs(n.x) > std::fabs(n.y) ? (std::fabs(n.x) > std::fabs(n.z) ? 0 : 2)

@@ -60,9 +60,9 @@ size_t Differences(const std::vector<rb_hit>& got, const std::vector<rb_hit>& ex
 
 TEST(Study, FindsWhatExactTestsFindOnRandomRays) {
   const Mesh mesh = Ball(3);
-  const auto rays = RandomRays(1500, 1);
+  const auto rays = RandomRays(500, 1);
   const auto expected = Closest(Build("brute(numerics=exact)", mesh.Geometry()), rays);
-  EXPECT_GT(std::count_if(expected.begin(), expected.end(), [](const rb_hit& h) { return !IsMiss(h); }), 700);
+  EXPECT_GT(std::count_if(expected.begin(), expected.end(), [](const rb_hit& h) { return !IsMiss(h); }), 200);
   for (const char* structure : {"brute", "bvh_sah", "kdtree_sah"})
     for (const char* test : kTests)
       for (const char* fma : {"false", "true"}) {
@@ -83,7 +83,7 @@ TEST(Study, FindsWhatExactTestsFindOnRandomRays) {
 
 TEST(Study, DoubleGivesTWithinAnUlp) {
   const Mesh mesh = Ball(3);
-  const auto rays = RandomRays(1500, 2);
+  const auto rays = RandomRays(500, 2);
   const auto expected = Closest(Build("brute(numerics=exact)", mesh.Geometry()), rays);
   for (const char* test : {"moeller_trumbore_double", "woop_double"})
     EXPECT_EQ(Differences(Closest(Build(std::string("brute(triangle=") + test + ")", mesh.Geometry()), rays),
@@ -94,7 +94,7 @@ TEST(Study, DoubleGivesTWithinAnUlp) {
 
 TEST(Study, LeaksAsPublished) {
   const Mesh mesh = Ball(4);
-  const auto rays = AimedFromInside(mesh, 20000, 3);
+  const auto rays = AimedFromInside(mesh, 10000, 3);
   std::map<std::string, size_t> leaks;
   for (const char* test : kTests) {
     leaks[test] = Misses(std::string("bvh_sah(triangle=") + test + ")", mesh, rays);
@@ -136,25 +136,29 @@ TEST(Study, ExactIsExactWhereTraversalIsMadeForIt) {
 
 /// A flat lattice, and rays across it that meet boxes in their planes, edges and corners: 0 components at first.
 struct Slabs {
+  struct Rays : std::vector<rb_ray> {
+    std::vector<rb_hit> expected;
+  };
   Mesh mesh = Lattice(12);
-  std::vector<rb_ray> along, oblique;
+  Rays along, oblique;
 
   Slabs() {
     Random random(5);
-    for (int i = 0; i < 4000; ++i) {
+    for (int i = 0; i < 1500; ++i) {
       const float x = float(int(random.Below(13)) - 6), y = float(int(random.Below(13)) - 6);
       along.push_back(
           {{x, y, 3}, 0, {random.Below(2) ? 0.0f : -0.0f, random.Below(2) ? 0.0f : -0.0f, -1}, INFINITY});
       const Vec3f from = ToFloat(random.UnitVector() * 9.0) + Vec3f{0, 0, 10}, d = Vec3f{x, y, 0} - from;
       oblique.push_back({{from.x, from.y, from.z}, 0, {d.x, d.y, d.z}, INFINITY});
     }
+    const Tree exact = Build("brute(numerics=exact)", mesh.Geometry());
+    for (Rays* rays : {&along, &oblique}) rays->expected = Closest(exact, *rays);
   }
   /// Hits that the exact test finds alone and behind these boxes does not.
-  size_t Lost(const std::string& spec, const std::vector<rb_ray>& rays) const {
-    const auto expected = Closest(Build("brute(numerics=exact)", mesh.Geometry()), rays),
-               got = Closest(Build(spec, mesh.Geometry()), rays);
+  size_t Lost(const std::string& spec, const Rays& rays) const {
+    const auto got = Closest(Build(spec, mesh.Geometry()), rays);
     size_t lost = 0;
-    for (size_t i = 0; i < rays.size(); ++i) lost += !IsMiss(expected[i]) && IsMiss(got[i]);
+    for (size_t i = 0; i < rays.size(); ++i) lost += !IsMiss(rays.expected[i]) && IsMiss(got[i]);
     return lost;
   }
 };
@@ -183,7 +187,7 @@ TEST(Study, TextbookPlanesLoseRaysThatPaddedOnesFind) {
 
 TEST(Study, ToleranceBoundsTAndFindsTheSameRays) {
   const Mesh mesh = Needles(400);
-  const auto rays = RandomRays(4000, 8);
+  const auto rays = RandomRays(2000, 8);
   const auto expected = Closest(Build("bvh_sah", mesh.Geometry()), rays);
   size_t farther = 0;
   for (const char* spec : {"bvh_sah(t_tolerance=0.1)", "bvh_sah(t_tolerance=0.1,triangle=woop)"}) {
@@ -204,7 +208,7 @@ TEST(Study, ToleranceLeavesWalksInOrder) {
   const Mesh mesh = Ball(3);
   const Tree tree = Build("bvh_sah(t_tolerance=1)", mesh.Geometry());
   const uint32_t after = 0;  // behind t = 0
-  for (rb_ray ray : RandomRays(500, 9)) {
+  for (rb_ray ray : RandomRays(100, 9)) {
     rb_hit hit{};
     rb_query q{};
     q.struct_size = sizeof q, q.kind = RB_CLOSEST, q.n = 1, q.rays = &ray, q.after = &after, q.hits = &hit;
