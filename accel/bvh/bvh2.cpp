@@ -7,7 +7,8 @@
 
 namespace raybench {
 
-Bvh2::Bvh2(const rb_geometry& geometry, const BinaryTree& tree) : clipped_(tree.clipped) {
+Bvh2::Bvh2(const rb_geometry& geometry, const BinaryTree& tree)
+    : clipped_(tree.clipped), geometry_(geometry) {
   static_assert(LeafRef(kMaxLeaf, kMostFirstBlock) != kEmpty &&
                 LeafRef(kMaxLeaf, kMostFirstBlock + 1) == kEmpty);
   // First pass, in depth-first order: give nodes and leaf blocks their places.

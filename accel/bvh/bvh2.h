@@ -22,6 +22,10 @@
 
 namespace raybench {
 
+class Study;
+enum class SlabRule : uint32_t;
+class StudyTest;
+
 class Bvh2 {
  public:
   static constexpr uint32_t kMaxLeaf = 16;
@@ -35,6 +39,11 @@ class Bvh2 {
   /// Answers with the ray tests of `numerics`. Counter: NoCounting or Counting.
   template <class Counter>
   void Query(uint32_t numerics, const rb_query& query) const;
+  /// The same with the tests of a study that is on (ray/study.h); `rule` kAsNumerics: the traversal of `numerics`.
+  template <class Counter>
+  void QueryStudy(const Study& study, SlabRule rule, uint32_t numerics, const rb_query& query) const;
+
+  const auto& leaves() const { return leaves_; }
 
   MemoryUse Memory() const { return {nodes_.bytes(), leaves_.bytes(), leaves_.needs_geometry()}; }
 
@@ -86,6 +95,7 @@ class Bvh2 {
   uint32_t root_ = kEmpty;
   Bounds3 bounds_;
   bool clipped_ = false;
+  rb_geometry geometry_{};
 };
 
 template <class Fn>

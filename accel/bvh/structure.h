@@ -77,6 +77,7 @@ class BvhStructure {
     // Leaves of fewer primitives than a block has lanes take more than was estimated.
     RequireWithinLimit(Memory().nodes + Memory().prims, options);
   }
+  const Bvh2& bvh() const { return bvh_; }
 
  private:
   uint32_t numerics_, claim_;

@@ -35,10 +35,11 @@ class KdStructure {
   KdStructure(const rb_geometry& geometry, const rb_build_options& options, KdOptions build,
               uint32_t numerics)
       : numerics_(numerics), claim_(ClaimOf(numerics, geometry)) {
-    build.padded = IsConservative(numerics);
+    build.padded = build.padded && IsConservative(numerics);
     Arena arena(options.threads);
     arena.Run([&] { tree_ = BuildKdTree(geometry, build, options.memory_limit, options.cancel); });
   }
+  const KdTree& tree() const { return tree_; }
 
  private:
   uint32_t numerics_, claim_;

@@ -35,6 +35,10 @@
 
 namespace raybench {
 
+class Study;
+enum class PlaneRule : uint32_t;
+class StudyTest;
+
 /// See above.
 struct KdNode {
   static constexpr uint32_t kLeaf = 3;
@@ -89,6 +93,11 @@ class KdTree {
     }
   }
 
+  /// The same with the tests of a study that is on (ray/study.h); `rule` kAsNumerics: the traversal of `numerics`.
+  template <class Counter>
+  void QueryStudy(const Study& study, PlaneRule rule, uint32_t numerics, const rb_query& query) const;
+  const auto& leaves() const { return blocks_; }
+
   MemoryUse Memory() const { return {nodes_.bytes(), blocks_.bytes(), geometry_.procedural_count > 0}; }
 
   /// node(const rb_node&) in pre-order until it returns non-zero.
@@ -107,6 +116,9 @@ class KdTree {
 
   template <class Test, class Counter, bool kProcedural, bool kAnyHit>
   void Trace(const RayState<Test>& ray, rb_hit& best, Counter& counter) const;
+
+  template <class Ray, class Counter>
+  bool StudyLeaf(const KdNode& leaf, const Ray& ray, bool any, rb_hit& best, Counter& counter) const;
 
   template <class Fn>
   int VisitBelow(const KdNode* at, const Bounds3& cell, uint32_t depth, Fn& node) const;
@@ -162,9 +174,11 @@ inline void KdTree::Trace(const RayState<Test>& ray, rb_hit& best, Counter& coun
     const uint32_t count = node->count();
     counter.Step(sizeof(KdNode));
     counter.Leaf(count == 0);
-    if (count > 0 &&
-        blocks_.Intersect<kProcedural, kAnyHit>(node->first, count, ray, best, counter, NoMailbox()) &&
-        kAnyHit) {
+    if constexpr (std::is_same_v<Test, StudyTest>) {
+      if (count > 0 && StudyLeaf(*node, ray, kAnyHit, best, counter) && kAnyHit) return;
+    } else if (count > 0 &&
+               blocks_.Intersect<kProcedural, kAnyHit>(node->first, count, ray, best, counter, NoMailbox()) &&
+               kAnyHit) {
       return;
     }
     do {

@@ -11,9 +11,11 @@
 // traversal stack's; the same tree at any thread count.
 //
 // Parameters: more bins find better planes and take longer; `reinsertion` improves the tree after it is
-// built (accel/bvh/reinsertion.h).
+// built (accel/bvh/reinsertion.h); `triangle`, `slab`, `fma` and `t_tolerance` are for the study of
+// accuracy (accel/ray/study.h).
 #include "accel/bvh/binned_sah.h"
 #include "accel/bvh/structure.h"
+#include "accel/ray/study.h"
 
 namespace raybench {
 namespace {
@@ -23,6 +25,10 @@ class BvhSah : public BvhStructure {
   struct Config {
     BvhConfig bvh;
     int64_t bins;
+    uint32_t triangle, slab, fma;
+    double t_tolerance;
+
+    bool Padded() const { return bvh.Padded() && SlabRule(slab) == SlabRule::kAsNumerics; }
   };
   static constexpr const char* kName = "bvh_sah";
   static constexpr const char* kDoc = "binary BVH, binned SAH builder, eight-wide leaves";
@@ -31,15 +37,49 @@ class BvhSah : public BvhStructure {
   static std::span<const rb_param> Params() {
     static const rb_param params[] = {kBvhNumerics,
                                       IntParam("bins", "bins per axis", offsetof(Config, bins), 2, 64, 16),
-                                      BvhLeafSize(16), kBvhTraversalCost, kBvhReinsertion};
+                                      BvhLeafSize(16),
+                                      kBvhTraversalCost,
+                                      kBvhReinsertion,
+                                      TriangleParam(offsetof(Config, triangle)),
+                                      SlabParam(offsetof(Config, slab)),
+                                      FmaParam(offsetof(Config, fma)),
+                                      TToleranceParam(offsetof(Config, t_tolerance))};
     return params;
   }
 
   BvhSah(const rb_geometry& geometry, const rb_build_options& options, const Config& config)
-      : BvhStructure(geometry, options, config.bvh, BinnedSahPeakBytes(PrimCount(geometry)), [&] {
-          return BuildBinnedSah(geometry, {uint32_t(config.bins), config.bvh.Costs(), config.bvh.Padded()},
-                                options.cancel);
-        }) {}
+      : BvhStructure(geometry, options, config.bvh, BinnedSahPeakBytes(PrimCount(geometry)),
+                     [&] {
+                       return BuildBinnedSah(geometry,
+                                             {uint32_t(config.bins), config.bvh.Costs(), config.Padded()},
+                                             options.cancel);
+                     }),
+        geometry_(geometry),
+        numerics_(config.bvh.numerics),
+        slab_{config.slab},
+        study_(numerics_, config.triangle, config.fma != 0, slab_ != SlabRule::kAsNumerics,
+               config.t_tolerance) {
+    const MemoryUse use = BvhStructure::Memory();
+    study_.Precompute(geometry, bvh().leaves(), use.nodes + use.prims, options);
+  }
+
+  template <class Counter>
+  void Query(const rb_query& query) const {
+    if (!study_.on()) return BvhStructure::Query<Counter>(query);
+    bvh().QueryStudy<Counter>(study_, slab_, numerics_, query);
+  }
+  uint32_t Claims() const { return study_.on() ? study_.Claim(geometry_) : BvhStructure::Claims(); }
+  MemoryUse Memory() const {
+    MemoryUse use = BvhStructure::Memory();
+    use.prims += study_.bytes();
+    return use;
+  }
+
+ private:
+  rb_geometry geometry_;
+  uint32_t numerics_;
+  SlabRule slab_;
+  Study study_;
 };
 
 }  // namespace

@@ -10,6 +10,7 @@
 // Invariants: the leaves of a primitive cover it, padding included; depth stays below the traversal stack's;
 // leaves hold at most 1 + duplication references a primitive; the same tree at any thread count.
 #include "accel/kd/structure.h"
+#include "accel/ray/study.h"
 
 namespace raybench {
 namespace {
@@ -20,6 +21,7 @@ class KdTreeSah : public KdStructure {
     uint32_t numerics, builder, axis, clip;
     double traversal_cost, empty_bonus, duplication;
     int64_t leaf_size, max_depth, bins;
+    uint32_t triangle, planes, fma;
   };
   static constexpr const char* kName = "kdtree_sah";
   static constexpr const char* kDoc =
@@ -29,6 +31,7 @@ class KdTreeSah : public KdStructure {
   static std::span<const rb_param> Params() {
     static const char* const builders[] = {"sweep", "binned", nullptr};
     static const char* const axes[] = {"cyclic", "largest", "best", nullptr};
+    static const char* const rules[] = {"as_numerics", "textbook", "padded", nullptr};
     static const rb_param params[] = {
         NumericsParam(offsetof(Config, numerics)),
         ChoiceParam("builder",
@@ -46,7 +49,14 @@ class KdTreeSah : public KdStructure {
                  0),
         IntParam("bins", "binned: planes compared on each axis", offsetof(Config, bins), 2,
                  double(kMaxKdBins), 32),
-        FloatParam("duplication", kKdDuplicationDoc, offsetof(Config, duplication), 0, 100, 8)};
+        FloatParam("duplication", kKdDuplicationDoc, offsetof(Config, duplication), 0, 100, 8),
+        TriangleParam(offsetof(Config, triangle)),
+        ChoiceParam(
+            "planes",
+            "distance to a splitting plane: with the slack of `numerics`, or over boxes without padding, "
+            "claiming nothing: as computed (textbook), or padded by its own error",
+            offsetof(Config, planes), rules, uint32_t(PlaneRule::kAsNumerics), RB_PARAM_APPROXIMATE),
+        FmaParam(offsetof(Config, fma))};
     return params;
   }
 
@@ -61,8 +71,34 @@ class KdTreeSah : public KdStructure {
                      .leaf_size = uint32_t(config.leaf_size),
                      .max_depth = uint32_t(config.max_depth),
                      .duplication = config.duplication,
-                     .clip = config.clip != 0},
-                    config.numerics) {}
+                     .clip = config.clip != 0,
+                     .padded = PlaneRule(config.planes) == PlaneRule::kAsNumerics},
+                    config.numerics),
+        geometry_(geometry),
+        numerics_(config.numerics),
+        planes_{config.planes},
+        study_(numerics_, config.triangle, config.fma != 0, planes_ != PlaneRule::kAsNumerics) {
+    const MemoryUse use = KdStructure::Memory();
+    study_.Precompute(geometry, tree().leaves(), use.nodes + use.prims, options);
+  }
+
+  template <class Counter>
+  void Query(const rb_query& query) const {
+    if (!study_.on()) return KdStructure::Query<Counter>(query);
+    tree().QueryStudy<Counter>(study_, planes_, numerics_, query);
+  }
+  uint32_t Claims() const { return study_.on() ? study_.Claim(geometry_) : KdStructure::Claims(); }
+  MemoryUse Memory() const {
+    MemoryUse use = KdStructure::Memory();
+    use.prims += study_.bytes();
+    return use;
+  }
+
+ private:
+  rb_geometry geometry_;
+  uint32_t numerics_;
+  PlaneRule planes_;
+  Study study_;
 };
 
 }  // namespace
