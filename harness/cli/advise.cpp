@@ -14,7 +14,7 @@ struct AdviseOptions {
   std::vector<std::string> also;
   uint64_t rays = 1000000, memory = 0, frames = 0, seed = 1;
   double max_error = 0, seconds = 30;
-  bool json = false;
+  bool json = false, no_offset = false;
 };
 
 void AddAdviseOptions(CLI::App& command, AdviseOptions& options) {
@@ -61,6 +61,8 @@ void AddAdviseOptions(CLI::App& command, AdviseOptions& options) {
   command
       .add_option("--out", options.out, "Folder for advice.json and advised.toml; default: none are written")
       ->type_name("DIR");
+  command.add_flag("--no-offset", options.no_offset,
+                   "Do not look for a safe offset of rays that leave surfaces, which takes some seconds");
   command.add_flag("--json", options.json, "Print advice.json instead of sentences");
   command.footer(
       "Candidates are built and traced for a short while beside each other, and given up as soon as they\n"
@@ -88,6 +90,7 @@ int Advise(const AdviseOptions& options, const Registry& registry, const Invocat
   if (options.frames != 0) words.push_back(fmt::format("--rebuild-every={}", options.frames));
   if (!options.out.empty()) words.push_back("--out=" + options.out);
   if (options.json) words.push_back("--json");
+  if (options.no_offset) words.push_back("--no-offset");
   words.insert(words.end(), {"--", options.scene});
   return Reports().Run(words);
 }

@@ -82,13 +82,22 @@ class ParamsFile {
 std::vector<std::string> ApplyParams(const Registry& registry, const std::string& file,
                                      const std::vector<std::string>& specs) {
   const ParamsFile params(registry, file);
+  // "families" and "all" stand for what they choose; what was typed says more than a contestant, which does not
+  // tell a default from a value given.
+  std::vector<std::string> chosen = specs;
+  const auto is_structure = [&](const std::string& spec) {
+    const auto same = [&](const rb_structure* s) { return ParseSpec(spec).name == s->name; };
+    return std::any_of(registry.structures().begin(), registry.structures().end(), same);
+  };
+  if (specs.empty() || !std::all_of(specs.begin(), specs.end(), is_structure)) {
+    chosen.clear();
+    for (const Contestant& contestant : ChooseContestants(registry, specs))
+      chosen.push_back(contestant.Spec());
+  }
   std::vector<std::string> applied;
   bool found = false;
-  for (const Contestant& contestant : ChooseContestants(registry, specs)) {
-    // What was typed says more than the contestant, which does not tell a default from a value given.
-    const bool typed =
-        specs.size() > applied.size() && ParseSpec(specs[applied.size()]).name == contestant.structure->name;
-    Spec spec = ParseSpec(typed ? specs[applied.size()] : contestant.Spec());
+  for (const std::string& text : chosen) {
+    Spec spec = ParseSpec(text);
     if (const Values* values = params.Of(spec.name)) {
       found = true;
       for (const auto& [key, value] : *values) {

@@ -24,7 +24,8 @@ from . import space
 from .trials import Trials, TrialsEnded
 
 ANCHOR = "bvh_sah"
-HOPELESS = 20.0  # a point that costs so many times the best one is not measured any better
+HOPELESS = 3.0  # a point that costs so many times the best one is not measured any better
+SLOW_BUILD = 50.0  # a build that takes so many times the default's, and a second, is given up
 FINALISTS = 4  # of the search, measured once more before one is chosen
 ROUNDS = 15  # of the comparison with the default
 
@@ -80,7 +81,7 @@ class Point:
     build: float = math.inf  # seconds
     ray: float = math.inf  # nanoseconds, of the mix
     bytes: int = 0
-    drift: float = 1.0  # the anchor's time at this moment over its median; the two before are divided by it
+    drift: float = 1.0  # the anchor's time now over that beside the first point; both times are divided by it
     why: str = ""  # it was given up
 
     def cost(self, rays, objective):
@@ -96,10 +97,8 @@ class _Search:
         self._progress = _Progress(arguments)
 
     def run(self, optuna):
-        anchor = self._trials.build(ANCHOR)
-        self._anchor = anchor.tree
-        # Where the anchor itself is timed, after a round that warms it up.
-        self._anchor_ns = float(np.median(self._trials.time([anchor.tree], self._rays, 6)[0, 1:]))
+        self._anchor = self._trials.build(ANCHOR).tree
+        self._anchor_ns = None  # beside the first point that is measured with all rays
         sampler = optuna.samplers.TPESampler(seed=self._arguments.seed)
         study = optuna.create_study(sampler=sampler)
         study.enqueue_trial(space.defaults(self._parameters))
@@ -129,21 +128,26 @@ class _Search:
             if point.values == changed:
                 return point  # the search came back to it: the same cost, and one evaluation less
         best = min(map(self._cost, self._points), default=math.inf)
-        built = self._trials.build(self._spec.with_values(changed), seconds=max(HOPELESS * best, 1.0))
+        limit = SLOW_BUILD * self._points[0].build + 1 if self._points else 1e9
+        if self._arguments.objective == "total":
+            limit = min(limit, HOPELESS * best)  # building alone costs more than the best point
+        built = self._trials.build(self._spec.with_values(changed), seconds=limit)
         if built.tree is None:
             return Point(changed, why=built.stopped)
         point = Point(changed, build=built.seconds, bytes=built.bytes)
-        try:
-            for rays, rounds in ((self._rays // 16, 2), (self._rays, 4)):
-                ns = self._trials.time([self._anchor, built.tree], rays, rounds)
-                # The first round warms up.
-                point.drift = float(np.median(ns[0, 1:])) / self._anchor_ns if rays == self._rays else 1.0
-                point.ray = float(np.median(ns[1, 1:])) / point.drift
-                if self._cost(point) > HOPELESS * best:
-                    return point
-            point.build /= point.drift
-        finally:
-            self._trials.drop(built.tree)
+        # A few rays first, as many as are needed to see that a point is hopeless.
+        for rays, rounds in ((self._rays // 64, 2), (self._rays // 8, 2), (self._rays, 4)):
+            ns = self._trials.time([self._anchor, built.tree], rays, rounds, seconds=1.0)
+            last = ns[:, 1:] if ns.shape[1] > 1 else ns  # the first round warms up
+            if rays == self._rays:
+                anchor = float(np.median(last[0]))
+                self._anchor_ns = self._anchor_ns or anchor
+                point.drift = anchor / self._anchor_ns
+            point.ray = float(np.median(last[1])) / point.drift
+            if self._cost(point) > HOPELESS * best or ns.shape[1] < rounds:
+                break
+        point.build /= point.drift
+        self._trials.drop(built.tree)
         return point
 
     def _choose(self):
@@ -155,7 +159,7 @@ class _Search:
 
     def _compare(self, specs, held_out, rounds):
         """Builds and traces all by turns, `rounds` times after one that warms up."""
-        rays = min(self._trials.held_out_rays if held_out else self._trials.training_rays, 1 << 15)
+        rays = min(self._trials.held_out_rays if held_out else self._trials.training_rays, self._rays)
         builds, ns, sizes = [], [], []
         for done in range(rounds):
             trees = [self._trials.build(spec) for spec in specs]
@@ -165,7 +169,7 @@ class _Search:
             numbers = [tree.tree for tree in trees]
             builds.append([tree.seconds for tree in trees])
             sizes = [tree.bytes for tree in trees]
-            ns.append(self._trials.time(numbers, rays, 2, held_out=held_out)[:, 1])
+            ns.append(self._trials.time(numbers, rays, 2, held_out=held_out, seconds=1.0)[:, -1])
             self._trials.drop(*numbers)
             if self._trials.facts["primitives"] * rounds > 5e6 and done >= 6:
                 break  # of a large scene fewer pairs say as much
