@@ -83,10 +83,12 @@ def advised(program, scene, rays, seed):
 
 def compare(program, scene, specs, rays, seed):
     """Total seconds of each, a row each and a column for each round, on rays held out."""
-    totals = []
+    totals, random = [], np.random.default_rng(seed)
     with Trials(program, scene, seed=seed) as trials:
         for _ in range(PAIRS + 1):
-            built = [trials.build(spec) for spec in specs]
+            built = [None] * len(specs)
+            for i in random.permutation(len(specs)):  # the first to be built finds another state of the memory
+                built[i] = trials.build(specs[i])
             ns = trials.time([b.tree for b in built], trials.held_out_rays, 2, held_out=True)[:, 1]
             totals.append([b.seconds + rays * 1e-9 * t for b, t in zip(built, ns)])
             trials.drop(*[b.tree for b in built])

@@ -4,7 +4,7 @@ import argparse
 from dataclasses import dataclass
 
 from . import costs
-from .tune import table
+from .files import table
 
 ENOUGH_ULP = 16  # a shortest edge of so many spacings of float is far longer than the errors of float tests
 COARSE_ULP = 2  # below, the vertices themselves are not where they should be
@@ -61,6 +61,7 @@ class Advice:
     judged: dict
     admission: object
     over: bool  # the time for measuring was spent
+    tempting: dict  # costs of what may answer wrong, in units of the advice's
     offset: str | None
 
     @property
@@ -96,6 +97,7 @@ class Advice:
                 for c in self.all
             ],
             "judged": self.judged,
+            "cost_of_inexact": self.tempting,
             "max_error": self.arguments.max_error,
             "precision": {"smallest_feature_ulp": self.precision.feature, "numerics": self.precision.numerics},
             "offset": self.offset,
@@ -206,6 +208,9 @@ def _required(a):
         errors += f" and {aimed['errors']} of {aimed['rays']:,} aimed at edges and vertices"
     if a.arguments.max_error == 0:
         rows.append(f"No wrong answers: the advice claims to be {claims}; against exact truth {errors} were wrong.")
+        if a.tempting:
+            others = ", ".join(f"{spec} {ratio:.2f}" for spec, ratio in a.tempting.items())
+            rows.append(f"What that costs: structures that leak at edges would take, in its units, {others} (--max-error).")
     else:
         rows.append(
             f"At most {a.arguments.max_error:g} of the answers wrong: the advice claims to be {claims}; {errors} were."

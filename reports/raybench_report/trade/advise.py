@@ -8,9 +8,9 @@ from pathlib import Path
 
 from ..results import RunError
 from . import advice, candidates, costs
+from .files import toml, write_file
 from .search import Search
 from .trials import Trials, TrialsEnded
-from .tune import toml, write_file
 
 JUDGED = 4096  # rays on which the winner is compared with the truth, of the mix and of aimed ones each
 OFFSET_RAYS = 16384  # by which `raybench offset` is asked
@@ -21,10 +21,10 @@ def main(argv):
     arguments = _parser().parse_args(argv)
     scene = _scene(arguments)
     precision = advice.Precision.of(scene)
-    listed = json.loads(_call(arguments, "list", "structures", "--json"))
+    known = {s["name"] for s in json.loads(_call(arguments, "list", "structures", "--json"))}
     rows = candidates.chosen(
         scene["primitives"], arguments.max_error, arguments.memory, precision.numerics,
-        {s["name"] for s in listed}, arguments.also,
+        known, arguments.also,
     )  # fmt: skip
     rays = arguments.rays * arguments.rebuild_every
     try:
@@ -37,9 +37,11 @@ def main(argv):
             ranked, judged = _first_right(trials, search.run())
             if not ranked:
                 raise RunError(_nothing_fits(arguments, search))
+            tempting = [spec for spec in candidates.TEMPTING if spec.split("(")[0] in known]
             found = advice.Advice(
                 arguments, trials.facts, scene, precision, rays, ranked, search.all, judged, admission,
-                search.over(), None if arguments.no_offset else _offset(arguments, ranked[0].spec),
+                search.over(), search.beside_best(tempting) if arguments.max_error == 0 else {},
+                None if arguments.no_offset else _offset(arguments, ranked[0].spec),
             )  # fmt: skip
     except TrialsEnded as ended:
         return ended.code

@@ -48,6 +48,9 @@ INEXACT = (
     Candidate("bvh_wide(builder=sweep,reinsertion=2,numerics=fast)", "the same for many rays"),
 )
 
+# What giving up accuracy would bring, where nothing may be wrong.
+TEMPTING = ("embree", "bvh_wide(numerics=fast)")
+
 
 def chosen(primitives, max_error, memory, numerics, known, also=()):
     """The candidates for a scene, in the order in which they are tried. `numerics`: what our own structures compute

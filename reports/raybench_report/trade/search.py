@@ -57,6 +57,18 @@ class Search:
             _settle(c)
         return self._ranked()
 
+    def beside_best(self, specs):
+        """Cost of other structures in units of the best one's, admitted or not: {spec: ratio}."""
+        best = self._ranked()[0]
+        built = [b for b in map(self._trials.build, specs) if b.tree is not None]
+        ns = self._trials.time([best.tree, *(b.tree for b in built)], self._most, ROUNDS + 1)[:, 1:]
+        self._trials.drop(*(b.tree for b in built))
+        ratios = {}
+        for b, row in zip(built, ns[1:]):
+            line = Line(b.spec, b.seconds, best.ray * float(np.median(row / ns[0])))
+            ratios[b.spec] = line.total(self._rays) / self._cost(best)
+        return ratios
+
     def over(self):
         return time.monotonic() > self._end
 

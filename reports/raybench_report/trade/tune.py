@@ -21,6 +21,7 @@ import numpy as np
 from ..decide.statistics import bootstrap_interval
 from ..results import RunError
 from . import space
+from .files import table, toml, write_file
 from .trials import Trials, TrialsEnded
 
 ANCHOR = "bvh_sah"
@@ -92,7 +93,7 @@ class Point:
 class _Search:
     def __init__(self, arguments, spec, parameters, trials):
         self._arguments, self._spec, self._parameters, self._trials = arguments, spec, parameters, trials
-        self._points = []
+        self._points, self._random = [], np.random.default_rng(arguments.seed)
         self._rays = min(trials.training_rays, 1 << 14)
         self._progress = _Progress(arguments)
 
@@ -162,7 +163,7 @@ class _Search:
         rays = min(self._trials.held_out_rays if held_out else self._trials.training_rays, self._rays)
         builds, ns, sizes = [], [], []
         for done in range(rounds):
-            trees = [self._trials.build(spec) for spec in specs]
+            trees = self._build_all(specs)
             for tree in trees:
                 if tree.tree is None:
                     raise RunError(f"{tree.spec}: {tree.stopped}")
@@ -174,6 +175,13 @@ class _Search:
             if self._trials.facts["primitives"] * rounds > 5e6 and done >= 6:
                 break  # of a large scene fewer pairs say as much
         return Comparison(np.array(builds).T, np.array(ns).T, sizes)
+
+    def _build_all(self, specs):
+        """In random order: the first to be built finds another state of the memory than the last."""
+        trees = [None] * len(specs)
+        for i in self._random.permutation(len(specs)):
+            trees[i] = self._trials.build(specs[i])
+        return trees
 
     def _result(self, chosen):
         specs = [self._spec.with_values({}), self._spec.with_values(chosen.values)]
@@ -243,32 +251,6 @@ def text(found):
     return "\n".join(lines) + "\n"
 
 
-def table(rows):
-    """Lines of aligned columns, the first to the left."""
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    return [
-        "  ".join(cell.ljust(w) if i == 0 else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, widths))).rstrip()
-        for row in rows
-    ]
-
-
-def toml(spec, comments):
-    """A file for `raybench run --params`: the table of one structure."""
-    parsed = space.Spec.parse(spec)
-    lines = [f"# {comment}" for comment in comments] + [f"[{parsed.name}]"]
-    for key, value in parsed.values:
-        plain = value in ("true", "false") or _is_number(value)
-        lines.append(f"{key} = {value if plain else json.dumps(value)}")
-    return "\n".join(lines) + "\n"
-
-
-def _is_number(text):
-    try:
-        return math.isfinite(float(text))
-    except ValueError:
-        return False
-
-
 def write(folder, found):
     """tuned.toml, trials.csv (each point in the order of the search) and tune.json."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -301,13 +283,6 @@ def write(folder, found):
 
 def _finite(x):
     return x if math.isfinite(x) else None
-
-
-def write_file(path, content):
-    """Whole or not at all."""
-    with tempfile.NamedTemporaryFile("w", dir=path.parent, delete=False) as file:
-        file.write(content)
-    os.replace(file.name, path)
 
 
 class _Progress:
