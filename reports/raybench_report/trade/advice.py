@@ -161,7 +161,8 @@ def _reasons(a):
             )
     rows.append(f"It was listed because: {a.best.candidate.why}.")
     tried = [c for c in a.all if not c.out.startswith("not tried")]
-    rows.append(f"{len(tried)} of {len(a.all)} candidates were tried{', until the time was spent' if a.over else ''}.")
+    spent = ", until the time was spent" if a.over else ""
+    rows.append(f"{len(tried)} of {len(a.all)} candidates were tried{spent}.")
     return rows
 
 

@@ -1,7 +1,7 @@
 """What `raybench advise` tries, and why it may win. Short on purpose: each row has been the cheapest, or within some
 percent of it, for some scene and some number of rays."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True)
@@ -9,6 +9,7 @@ class Candidate:
     spec: str
     why: str  # it may win; completes "NAME: ..."
     most_primitives: float = float("inf")  # of scenes that it is tried on
+    after: str = ""  # it is tried only where this one, before it, comes near the best
 
 
 # What builds fast stands first: it bounds what the others may cost.
@@ -27,8 +28,17 @@ EXACT_ENOUGH = (
     Candidate("bvh_wide(builder=sweep,width=8,reinsertion=2)", "the same with smaller nodes"),
     Candidate("bvh_sweep(reinsertion=2)", "the best binary tree: small scenes"),
     Candidate("bvh_wide(builder=spatial)", "splits primitives: where boxes overlap"),
-    Candidate("bvh_wide(builder=spatial,split_budget=3)", "splits more: where boxes overlap much"),
-    Candidate("kdtree_sah", "no overlap at all: for many rays among long thin triangles in all directions"),
+    # These take long to build. Where overlap is what costs, spatial splits show it.
+    Candidate(
+        "bvh_wide(builder=spatial,split_budget=3)",
+        "splits more: where boxes overlap much",
+        after="bvh_wide(builder=spatial)",
+    ),
+    Candidate(
+        "kdtree_sah",
+        "no overlap at all: for many rays among long thin triangles in all directions",
+        after="bvh_wide(builder=spatial)",
+    ),
     Candidate("brute", "no build at all", 256),
 )
 # Where memory is short.
@@ -61,13 +71,13 @@ def chosen(primitives, max_error, memory, numerics, known, also=()):
     if max_error > 0:
         rows += INEXACT
     if numerics:
-        rows = [Candidate(_with(c.spec, numerics), c.why, c.most_primitives) for c in rows if not _is_inexact(c)]
+        rows = [
+            replace(c, spec=_with(c.spec, numerics), after=c.after and _with(c.after, numerics))
+            for c in rows
+            if c not in INEXACT
+        ]
     rows += [Candidate(spec, "named by --also") for spec in also]
     return [c for c in rows if c.spec.split("(")[0] in known and primitives <= c.most_primitives]
-
-
-def _is_inexact(candidate):
-    return candidate in INEXACT
 
 
 def _with(spec, numerics):

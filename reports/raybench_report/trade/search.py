@@ -11,8 +11,9 @@ from .costs import Line
 
 ANCHOR = "bvh_wide"  # beside each candidate when it is looked at first
 FIRST_RAYS = 2048  # by which a candidate is looked at first
+NEAR = 1.1  # so many times the best cost so far, where another candidate is tried only after this one
 MAY_WIN = 1.5  # so many times the best cost after the first look, which is rough
-BUILD_MATTERS = 0.02  # share of the cost from which on a build is measured again
+BUILD_MATTERS = 0.05  # share of the cost from which on a build is measured again
 ROUNDS, FINAL_ROUNDS = 5, 25
 FINALISTS = 4
 
@@ -90,6 +91,9 @@ class Search:
             if self.over() and self._ranked():
                 c.out = "not tried: the time for measuring was over"
                 continue
+            if not self._is_near(c.candidate.after):
+                c.out = f"not tried: {c.candidate.after} was not near the best"
+                continue
             self._build(c, MAY_WIN * self._best())
             if not c.out:
                 self._look_at(c, anchor)
@@ -98,6 +102,11 @@ class Search:
         for c in self.all:
             if c.measured and ranked and (c.out or self._cost(c) > MAY_WIN * self._cost(ranked[0])):
                 self._give_up(c, c.out or "cost more at the first look", ranked[0])
+
+    def _is_near(self, spec):
+        """Whether that candidate did so well that those of its kind are worth their time. Nothing: yes."""
+        of = [c for c in self.all if c.spec == spec]
+        return not of or (of[0].measured and not of[0].out and self._cost(of[0]) <= NEAR * self._best())
 
     def _build(self, c, limit):
         built = self._trials.build(c.spec, limit)
