@@ -9,6 +9,7 @@
 
 #include "accel/host/parameters.h"
 #include "harness/cli/commands.h"
+#include "harness/plan/params_file.h"
 #include "harness/rays/ray_sets.h"
 
 namespace raybench {
@@ -16,7 +17,7 @@ namespace {
 
 struct RunArguments {
   RunOptions run;
-  std::optional<std::string> structures, suite, shard;
+  std::optional<std::string> structures, suite, shard, params;
   std::optional<uint64_t> seed;
   std::optional<uint32_t> depth, processes;
   std::vector<std::string> rays;  ///< a number, files, or both
@@ -31,6 +32,12 @@ void AddOptions(CLI::App& command, RunArguments& arguments) {
       .add_option("--structures", arguments.structures,
                   "Such as bvh_sah,embree(robust=true); default: one of each family; all: every one")
       ->type_name("A,B(X=1)");
+  command
+      .add_option(
+          "--params", arguments.params,
+          "Parameters of structures, as raybench tune writes them; what --structures says of one goes "
+          "before")
+      ->type_name("FILE.toml");
   CLI::Option* suite =
       command
           .add_option(
@@ -158,6 +165,7 @@ void TakeFromSuite(RunArguments& arguments, const Registry& registry) {
   run.named_scenes = !run.scenes.empty();
   if (!run.named_scenes) run.scenes = suite.scenes;
   run.structures = arguments.structures ? SplitSpecs(*arguments.structures) : suite.structures;
+  if (arguments.params) run.structures = ApplyParams(registry, *arguments.params, run.structures);
   if (run.sets.empty() && run.ray_files.empty()) run.sets = suite.sets;
   if (run.threads.empty()) run.threads = suite.threads;
   run.shuffled = run.shuffled || suite.shuffled;

@@ -58,7 +58,7 @@ fs::path ReportsFolder() {
   std::error_code error;
   const fs::path source = fs::path(kSourceDirectory) / "reports";
   if (fs::exists(source / "raybench_report", error)) return source;
-  const fs::path program = fs::read_symlink("/proc/self/exe", error);
+  const fs::path program = ThisProgram();
   const fs::path installed = program.parent_path().parent_path() / "share" / "raybench" / "reports";
   if (fs::exists(installed / "raybench_report", error)) return installed;
   return {};
@@ -104,6 +104,11 @@ int Reports::Run(const std::vector<std::string>& arguments) const {
   words.insert(words.end(), arguments.begin(), arguments.end());
   std::fflush(stdout);
   return RunProgram(std::move(words), PythonPath(folder_), false).value_or(2);
+}
+
+std::string ThisProgram() {
+  std::error_code error;
+  return fs::read_symlink("/proc/self/exe", error).string();
 }
 
 void RequireFolder(const std::string& folder) {

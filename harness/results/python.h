@@ -17,6 +17,9 @@ class Reports {
   std::string folder_, python_;
 };
 
+/// The path of this very program, for what the Python part starts.
+std::string ThisProgram();
+
 /// Throws InputError where `folder` is no directory.
 void RequireFolder(const std::string& folder);
 

@@ -1,4 +1,4 @@
-"""Command line: python -m raybench_report DIR..., explain A B DIR, heat FOLDER --out FILE.png, check ..., history ..."""
+"""Command line: python -m raybench_report DIR..., explain A B DIR, heat FOLDER --out FILE.png, check ..., history ..., tune ..., advise ..."""
 
 import argparse
 import json
@@ -18,6 +18,8 @@ def main(argv=None):
     try:
         if argv[:1] in (["check"], ["history"]):
             return _decide(argv)
+        if argv[:1] in (["tune"], ["advise"]):
+            return _trade(argv)
         print(draw(argv), end="")
     except SystemExit as error:  # by argparse
         return error.code
@@ -36,6 +38,15 @@ def _decide(argv):
         from .decide import command as chosen
     else:
         from .decide import history as chosen
+    return chosen.main(argv[1:])
+
+
+def _trade(argv):
+    """`raybench tune` and `raybench advise`; their exit codes."""
+    if argv[0] == "tune":
+        from .trade import tune as chosen
+    else:
+        from .trade import advise as chosen
     return chosen.main(argv[1:])
 
 
