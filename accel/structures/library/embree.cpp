@@ -74,10 +74,11 @@ class Embree {
         BoolParam("compact", "RTC_SCENE_FLAG_COMPACT: less memory", offsetof(Config, compact), false),
         BoolParam("flush_to_zero", "trace with subnormal numbers taken for 0, as Embree's manual recommends",
                   offsetof(Config, flush_to_zero), 0, RB_PARAM_APPROXIMATE),
-        ChoiceParam("packet",
-                    "native batches: rays that Embree traces together, in packets of 4, 8 or 16 (rtcIntersect4 "
-                    "and so on) or, with Embree 3 only, in streams of 256 (rtcIntersect1M); ids at ties may differ",
-                    offsetof(Config, packet), kPackets, 0),
+        ChoiceParam(
+            "packet",
+            "native batches: rays that Embree traces together, in packets of 4, 8 or 16 (rtcIntersect4 "
+            "and so on) or, with Embree 3 only, in streams of 256 (rtcIntersect1M); ids at ties may differ",
+            offsetof(Config, packet), kPackets, 0),
         BoolParam("coherent",
                   "tell Embree that rays are coherent: only then it traces the rays of a packet on one path",
                   offsetof(Config, coherent), false)};

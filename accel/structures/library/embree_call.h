@@ -66,7 +66,9 @@ class EmbreeCall {
   void Any(EmbreePacket<8>& p) { rtcOccluded8(p.valid, scene_, &context_, &p.rays.ray); }
   void Any(EmbreePacket<16>& p) { rtcOccluded16(p.valid, scene_, &context_, &p.rays.ray); }
 
-  void ClosestStream(RTCRayHit* rays, unsigned n) { rtcIntersect1M(scene_, &context_, rays, n, sizeof *rays); }
+  void ClosestStream(RTCRayHit* rays, unsigned n) {
+    rtcIntersect1M(scene_, &context_, rays, n, sizeof *rays);
+  }
   void AnyStream(RTCRayHit* rays, unsigned n) {
     rtcOccluded1M(scene_, &context_, &rays->ray, n, sizeof *rays);
   }
