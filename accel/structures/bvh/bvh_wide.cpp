@@ -38,7 +38,7 @@ class BvhWide {
   };
   static constexpr Kind kKind = {"BVH", "O(N log N)", "SIMD nodes and leaves"};
   static constexpr uint64_t kCapabilities =
-      RB_CAN_COUNT | RB_CAN_PROCEDURAL | RB_CAN_AFTER | RB_CAN_SKIP | RB_DETERMINISTIC;
+      RB_CAN_COUNT | RB_CAN_PROCEDURAL | RB_CAN_AFTER | RB_CAN_SKIP | RB_NATIVE_BATCH | RB_DETERMINISTIC;
   static constexpr const char* kName = "bvh_wide";
   static constexpr const char* kDoc = "BVH with 4, 8 or 16 children a node, traced by SIMD";
   static constexpr const char* kSource =
