@@ -37,6 +37,13 @@ class WatertightLanes {
   template <bool kAnyHit, class Block>
   [[gnu::always_inline]] bool Take(const Block& block, unsigned asked, const RayQuery& query,
                                    const SlabRay& slab, bool needs_uv, rb_hit& best) const {
+    const unsigned candidates = Candidates<kAnyHit>(block, asked);
+    return candidates != 0 && Decide<kAnyHit>(block, candidates, query, slab, needs_uv, best);
+  }
+
+  /// The first half of Take: the lanes in `asked` that float does not exclude.
+  template <bool kAnyHit, class Block>
+  [[gnu::always_inline]] unsigned Candidates(const Block& block, unsigned asked) const {
     constexpr int kLanes = LanesOf<Block>;
     using F = FloatN<kLanes>;
     const Sheared<kLanes> s = Shear(block);
@@ -46,12 +53,62 @@ class WatertightLanes {
     const F tiny = Splat<F>(RayShear::kTiny);
     const F least = Smaller<kLanes>(u, Smaller<kLanes>(v, w)), most = Larger<kLanes>(u, Larger<kLanes>(v, w));
     unsigned candidates = asked & ~(Less<kLanes>(least, -tiny) & Less<kLanes>(tiny, most));
-    if (candidates == 0) return false;
-    if (kAnyHit) {
-      candidates &= ~Behind(block, s, u, v, w);
-      if (candidates == 0) return false;
+    if (kAnyHit && candidates != 0) candidates &= ~Behind(block, s, u, v, w);
+    return candidates;
+  }
+
+  /// The second half, for what the first one left, at least one lane: as RayState<WatertightTest>::Triangle.
+  template <bool kAnyHit, class Block>
+  [[gnu::always_inline]] bool Decide(const Block& block, unsigned candidates, const RayQuery& query,
+                                     const SlabRay& slab, bool needs_uv, rb_hit& best) const {
+    constexpr int kLanes = LanesOf<Block>;
+    using F = FloatN<kLanes>;
+    using I = IntN<kLanes>;
+    using D = Vec<double, kLanes>;
+    const auto mask_of = [](Vec<int64_t, kLanes> lanes) { return Mask(__builtin_convertvector(lanes, I)); };
+    const Sheared<kLanes> s = Shear(block);
+    const F least_z = Smaller<kLanes>(Abs(s.z[0]), Smaller<kLanes>(Abs(s.z[1]), Abs(s.z[2])));
+    unsigned unusual = candidates & Less<kLanes>(least_z, Splat<F>(least_z_));
+    // u, v, w of exact products, as in IntersectSheared.
+    const D x0 = __builtin_convertvector(s.x[0], D), x1 = __builtin_convertvector(s.x[1], D),
+            x2 = __builtin_convertvector(s.x[2], D), y0 = __builtin_convertvector(s.y[0], D),
+            y1 = __builtin_convertvector(s.y[1], D), y2 = __builtin_convertvector(s.y[2], D),
+            z0 = __builtin_convertvector(s.z[0], D), z1 = __builtin_convertvector(s.z[1], D),
+            z2 = __builtin_convertvector(s.z[2], D);
+    const D zero{};  // added, it makes +0 of -0, as there
+    const D u = x2 * y1 - y2 * x1 + zero, v = x0 * y2 - y0 * x2 + zero, w = x1 * y0 - y1 * x0 + zero;
+    const D det = u + v + w;
+    const auto outside =
+        (((u < zero) | (v < zero) | (w < zero)) & ((u > zero) | (v > zero) | (w > zero))) | (det == zero);
+    const D z = (u * z0 + v * z1 + w * z2) / det;
+    const D t = z / Splat<D>(dz_);
+    const auto absolute = [](D d) { return D(Vec<int64_t, kLanes>(d) & 0x7FFFFFFFFFFFFFFF); };
+    const auto in_plane = absolute(z) < 0x1p-48 * (absolute(z0) + absolute(z1) + absolute(z2));
+    candidates &= ~mask_of(outside);
+    unusual |= candidates & mask_of(in_plane);
+    F tnear, tfar;
+    Interval(block, slab, tnear, tfar);
+    const F clamped = Smaller<kLanes>(tfar, Larger<kLanes>(tnear, __builtin_convertvector(t, F)));
+    candidates &= LessEqual<kLanes>(tnear, tfar) & LessEqual<kLanes>(clamped, Splat<F>(best.t)) &
+                  LessEqual<kLanes>(Splat<F>(query.ray.tnear), clamped) & ~unusual;
+    bool changed = false;
+    while (candidates != 0) {
+      const int i = __builtin_ctz(candidates);
+      candidates &= candidates - 1;
+      const float ti = clamped[i];
+      if (!query.Accepts(ti, block.prim[i], best)) continue;
+      best = {ti, 0, 0, block.prim[i]};
+      if (kAnyHit) return true;
+      if (needs_uv) best.u = float(v[i] / det[i]), best.v = float(w[i] / det[i]);
+      changed = true;
     }
-    return Decide<kAnyHit>(block, candidates, query, slab, needs_uv, best);
+    while (unusual != 0) [[unlikely]] {
+        const int i = __builtin_ctz(unusual);
+        unusual &= unusual - 1;
+        changed |= TakeOne(query, block, i, best);
+        if (kAnyHit && changed) return true;
+      }
+    return changed;
   }
 
  private:
@@ -115,60 +172,6 @@ class WatertightLanes {
     F from[3];
     for (int c = 0; c < 3; ++c) from[c] = F(IntN<kLanes>(Load<F>(block.v[c][axis]) - Splat<F>(org)) ^ sign);
     return Smaller<kLanes>(from[0], Smaller<kLanes>(from[1], from[2]));
-  }
-
-  /// As RayState<WatertightTest>::Triangle, for the candidates.
-  template <bool kAnyHit, class Block>
-  [[gnu::always_inline]] bool Decide(const Block& block, unsigned candidates, const RayQuery& query,
-                                     const SlabRay& slab, bool needs_uv, rb_hit& best) const {
-    constexpr int kLanes = LanesOf<Block>;
-    using F = FloatN<kLanes>;
-    using I = IntN<kLanes>;
-    using D = Vec<double, kLanes>;
-    const auto mask_of = [](Vec<int64_t, kLanes> lanes) { return Mask(__builtin_convertvector(lanes, I)); };
-    const Sheared<kLanes> s = Shear(block);
-    const F least_z = Smaller<kLanes>(Abs(s.z[0]), Smaller<kLanes>(Abs(s.z[1]), Abs(s.z[2])));
-    unsigned unusual = candidates & Less<kLanes>(least_z, Splat<F>(least_z_));
-    // u, v, w of exact products, as in IntersectSheared.
-    const D x0 = __builtin_convertvector(s.x[0], D), x1 = __builtin_convertvector(s.x[1], D),
-            x2 = __builtin_convertvector(s.x[2], D), y0 = __builtin_convertvector(s.y[0], D),
-            y1 = __builtin_convertvector(s.y[1], D), y2 = __builtin_convertvector(s.y[2], D),
-            z0 = __builtin_convertvector(s.z[0], D), z1 = __builtin_convertvector(s.z[1], D),
-            z2 = __builtin_convertvector(s.z[2], D);
-    const D zero{};  // added, it makes +0 of -0, as there
-    const D u = x2 * y1 - y2 * x1 + zero, v = x0 * y2 - y0 * x2 + zero, w = x1 * y0 - y1 * x0 + zero;
-    const D det = u + v + w;
-    const auto outside =
-        (((u < zero) | (v < zero) | (w < zero)) & ((u > zero) | (v > zero) | (w > zero))) | (det == zero);
-    const D z = (u * z0 + v * z1 + w * z2) / det;
-    const D t = z / Splat<D>(dz_);
-    const auto absolute = [](D d) { return D(Vec<int64_t, kLanes>(d) & 0x7FFFFFFFFFFFFFFF); };
-    const auto in_plane = absolute(z) < 0x1p-48 * (absolute(z0) + absolute(z1) + absolute(z2));
-    candidates &= ~mask_of(outside);
-    unusual |= candidates & mask_of(in_plane);
-    F tnear, tfar;
-    Interval(block, slab, tnear, tfar);
-    const F clamped = Smaller<kLanes>(tfar, Larger<kLanes>(tnear, __builtin_convertvector(t, F)));
-    candidates &= LessEqual<kLanes>(tnear, tfar) & LessEqual<kLanes>(clamped, Splat<F>(best.t)) &
-                  LessEqual<kLanes>(Splat<F>(query.ray.tnear), clamped) & ~unusual;
-    bool changed = false;
-    while (candidates != 0) {
-      const int i = __builtin_ctz(candidates);
-      candidates &= candidates - 1;
-      const float ti = clamped[i];
-      if (!query.Accepts(ti, block.prim[i], best)) continue;
-      best = {ti, 0, 0, block.prim[i]};
-      if (kAnyHit) return true;
-      if (needs_uv) best.u = float(v[i] / det[i]), best.v = float(w[i] / det[i]);
-      changed = true;
-    }
-    while (unusual != 0) [[unlikely]] {
-        const int i = __builtin_ctz(unusual);
-        unusual &= unusual - 1;
-        changed |= TakeOne(query, block, i, best);
-        if (kAnyHit && changed) return true;
-      }
-    return changed;
   }
 
   /// Of PaddedBounds of the triangles, as SlabRay::Interval has it.

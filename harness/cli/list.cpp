@@ -22,7 +22,7 @@ constexpr std::pair<uint64_t, const char*> kAbilities[] = {
     {RB_CAN_PROCEDURAL, "takes procedural primitives"},
     {RB_CAN_AFTER, "resumes a ray behind a hit"},
     {RB_CAN_SKIP, "skips a primitive"},
-    {RB_NATIVE_BATCH, "traces the rays of a batch together"},
+    {RB_NATIVE_BATCH, "can trace the rays of a batch together (native batches)"},
     {RB_DETERMINISTIC, "same tree at any thread count"},
     {RB_LINEAR, "every ray looks at every primitive"}};
 

@@ -52,6 +52,12 @@ class Examiner {
   };
   void Found(const char* check, std::string text) { result_.findings.push_back({check, std::move(text)}); }
   bool Can(uint64_t capability) const { return (contestant_.structure->capabilities & capability) != 0; }
+  /// As far as parameters tell.
+  bool TracesBatchesTogether() const {
+    return Can(RB_NATIVE_BATCH) && ParameterOf("batch") != "single" && ParameterOf("packet") != "1";
+  }
+  /// An inexact library may trace a ray by one kernel or another, as its neighbours go.
+  bool MayDependOnNeighbours() const { return TracesBatchesTogether() && !IsConservative(); }
   bool IsConservative() const {
     return result_.claim == RB_CLAIM_WATERTIGHT || result_.claim == RB_CLAIM_EXACT;
   }

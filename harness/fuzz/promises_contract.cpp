@@ -41,7 +41,7 @@ Text Examiner::FlawOf(const rb_ray& ray, const rb_hit& hit, bool after) const {
 }
 
 Text Examiner::AnyIsClosest() {
-  if (result_.claim == RB_CLAIM_NOTHING) return std::nullopt;
+  if (result_.claim == RB_CLAIM_NOTHING || MayDependOnNeighbours()) return std::nullopt;
   for (size_t i = 0; i < case_.rays.size(); ++i)
     if ((Closest().hits[i].prim != RAYBENCH_NONE) != (Any().occluded[i] != 0))
       return fmt::format("{}: closest-hit says {}, any-hit {}", RayText(i), Describe(Closest().hits[i]),
@@ -50,6 +50,7 @@ Text Examiner::AnyIsClosest() {
 }
 
 Text Examiner::Batches() {
+  if (MayDependOnNeighbours()) return std::nullopt;
   for (uint32_t kind : {RB_CLOSEST, RB_ANY}) {
     const Answer& whole = kind == RB_CLOSEST ? Closest() : Any();
     for (size_t batch : {size_t{0}, size_t{1}, size_t{3}, size_t{5}}) {
@@ -79,7 +80,7 @@ Text Examiner::Counting() {
         return fmt::format("{}: counts {} steps, {} leaves, {} empty leaves and {} primitive tests{}",
                            RayText(i), c.steps, c.leaves, c.empty_leaves, c.prims, hit ? " for a hit" : "");
     }
-    if (Can(RB_NATIVE_BATCH)) continue;  // rays may share their steps there
+    if (TracesBatchesTogether()) continue;  // rays may share their steps there
     q.batch = 1;
     if (auto text = CountsDiffer(counted, Ask(tree_, q), "asked alone")) return text;
   }

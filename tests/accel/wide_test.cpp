@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstring>
 
 #include "accel/base/random.h"
 #include "accel/bvh/binned_sah.h"
@@ -245,6 +246,128 @@ TEST(BvhWide, AnyHitAgreesWithBruteAtTheEndsOfTheInterval) {
   }
   EXPECT_GT(hits, asked / 3);
   EXPECT_LT(hits, asked - asked / 10);
+}
+
+/// Rays of a query with all that comes with them.
+struct Asked {
+  std::vector<rb_ray> rays;
+  std::vector<uint32_t> skip, after;
+};
+
+/// Beside nasty ones: such as end or resume at a hit, skip one, start far off, are nearly parallel to an axis or invalid.
+Asked Everything(const Mesh& mesh, const Tree& tree) {
+  Asked all;
+  Random random(12);
+  for (const rb_ray& ray : NastyRays(mesh, int(Effort(100)), 9)) {
+    const rb_hit hit = Closest(tree, {ray})[0];
+    const auto add = [&](rb_ray r, uint32_t skip, uint32_t after) {
+      all.rays.push_back(r), all.skip.push_back(skip), all.after.push_back(after);
+    };
+    add(ray, RAYBENCH_NONE, RAYBENCH_NONE);
+    rb_ray other = ray;
+    switch (random.Below(6)) {
+      case 0:
+        other.tfar = hit.t;
+        add(other, RAYBENCH_NONE, RAYBENCH_NONE);
+        break;
+      case 1:
+        other.tnear = std::isfinite(hit.t) ? hit.t : 0.5f;
+        add(other, RAYBENCH_NONE, hit.prim);
+        break;
+      case 2:
+        add(ray, hit.prim, RAYBENCH_NONE);
+        break;
+      case 3:  // does not fit MovedSlab
+        other.dir[random.Below(3)] *= 0x1p-80f;
+        add(other, RAYBENCH_NONE, RAYBENCH_NONE);
+        break;
+      case 4:
+        other.dir[random.Below(3)] = NAN;
+        add(other, RAYBENCH_NONE, RAYBENCH_NONE);
+        break;
+      default:
+        other.org[random.Below(3)] += 1e6f;
+        add(other, RAYBENCH_NONE, RAYBENCH_NONE);
+    }
+  }
+  return all;
+}
+
+struct Said {
+  std::vector<rb_hit> hits;
+  std::vector<uint8_t> occluded;
+  std::vector<rb_counts> counts;
+
+  bool operator==(const Said& other) const {
+    const auto same = [](const auto& a, const auto& b) {
+      return a.size() == b.size() &&
+             (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof a[0]) == 0);
+    };
+    return same(hits, other.hits) && same(occluded, other.occluded) && same(counts, other.counts);
+  }
+};
+
+/// Answers in calls of `batch` rays, and one of none.
+Said Ask(const Tree& tree, const Asked& asked, size_t batch, bool extras, bool counted) {
+  const size_t n = asked.rays.size();
+  Said said{std::vector<rb_hit>(n, rb_hit{-1, -1, -1, 7}), std::vector<uint8_t>(n, 7),
+            std::vector<rb_counts>(counted ? n : 0)};
+  for (const uint32_t kind : {RB_CLOSEST, RB_ANY}) {
+    for (size_t i = 0;; i += batch) {
+      rb_query q{};
+      q.struct_size = sizeof q, q.kind = kind, q.n = i < n ? std::min(batch, n - i) : 0;
+      q.rays = asked.rays.data() + i, q.hits = said.hits.data() + i, q.occluded = said.occluded.data() + i;
+      if (extras) q.skip = asked.skip.data() + i, q.after = asked.after.data() + i;
+      if (counted) q.counts = said.counts.data() + i;
+      counted ? tree.QueryCounted(q) : tree.Query(q);
+      if (q.n == 0) break;
+    }
+  }
+  return said;
+}
+
+TEST(BvhWide, RaysInFlightAreAnsweredAsSingleOnes) {
+  const char* const kForms[] = {"width=16",
+                                "width=8,nodes=quantized8,builder=spatial",
+                                "width=4,nodes=quantized16",
+                                "width=16,nodes=quantized8",
+                                "width=8",
+                                "width=4,numerics=fast",
+                                "width=16,nodes=quantized16,numerics=exact"};
+  const Mesh meshes[] = {Mesh{"empty", {}, {}},
+                         Mesh{"one", {{0, 0, 0}, {1, 0, 0}, {0, 1, 0.5f}}, {{0, 1, 2}}},
+                         Ball(4),
+                         Lattice(10),
+                         Coincident(100),
+                         Needles(500),
+                         Moved(Ball(3), 1, {1e6f, 1e6f, -1e6f}, "far"),
+                         Moved(Ball(3), 0x1p-100f, {0, 0, 0}, "small")};
+  const Balls balls(20, 4);
+  size_t hits = 0, asked_for = 0;
+  for (const std::string form : kForms) {
+    for (const Mesh& mesh : meshes) {
+      for (const bool has_balls : {false, true}) {
+        if (has_balls && mesh.name != "ball") continue;
+        const rb_geometry geometry = has_balls ? balls.Geometry(mesh) : mesh.Geometry();
+        const Tree single = Build("bvh_wide(" + form + ")", geometry),
+                   several = Build("bvh_wide(batch=interleaved," + form + ")", geometry);
+        const Asked asked = Everything(mesh, single);
+        const size_t n = asked.rays.size();
+        for (const bool extras : {false, true}) {
+          const Said expected = Ask(single, asked, n, extras, false);
+          for (const size_t batch : {size_t{1}, size_t{7}, size_t{17}, n})
+            ASSERT_TRUE(Ask(several, asked, batch, extras, false) == expected)
+                << form << ' ' << mesh.name << ' ' << batch << ' ' << extras;
+          for (const rb_hit& hit : expected.hits) hits += hit.prim != RAYBENCH_NONE;
+          asked_for += n;
+        }
+        ASSERT_TRUE(Ask(several, asked, 7, true, true) == Ask(single, asked, n, true, true))
+            << form << mesh.name;
+      }
+    }
+  }
+  EXPECT_GT(hits, asked_for / 3);
+  EXPECT_LT(hits, asked_for - asked_for / 10);
 }
 
 }  // namespace

@@ -6,8 +6,8 @@
 
 namespace raybench {
 
-/// kMoved: as MovedSlab has it, where it fits.
-template <int kWidth, bool kMoved>
+/// kMoved: as MovedSlab has it, where it fits. Number: FloatN<kWidth>, or float, which takes less memory and more time.
+template <int kWidth, bool kMoved, class Number = FloatN<kWidth>>
 class WideRay {
  public:
   using F = FloatN<kWidth>;
@@ -20,8 +20,8 @@ class WideRay {
       n = moved.near_scale, f = moved.far_scale, near_move = moved.near_move, far_move = moved.far_move;
     }
     for (unsigned a = 0; a < 3; ++a) {
-      near_scale_[a] = Splat<F>(n[a]), far_scale_[a] = Splat<F>(f[a]);
-      near_move_[a] = Splat<F>(near_move[a]), far_move_[a] = Splat<F>(far_move[a]);
+      near_scale_[a] = Kept(n[a]), far_scale_[a] = Kept(f[a]);
+      near_move_[a] = Kept(near_move[a]), far_move_[a] = Kept(far_move[a]);
       near_row_[a] = a + 3 * (slab.signs >> a & 1);
       far_row_[a] = 2 * a + 3 - near_row_[a];
     }
@@ -48,12 +48,25 @@ class WideRay {
   }
 
  private:
-  [[gnu::always_inline]] static F T(F plane, F scale, F move) {
-    if constexpr (kMoved) return MultiplyAdd<kWidth>(plane, scale, move);
-    return (plane - move) * scale;
+  static constexpr bool kIsWide = std::is_same_v<Number, F>;
+  [[gnu::always_inline]] static Number Kept(float x) {
+    if constexpr (kIsWide)
+      return Splat<F>(x);
+    else
+      return x;
+  }
+  [[gnu::always_inline]] static F Wide(Number x) {
+    if constexpr (kIsWide)
+      return x;
+    else
+      return Splat<F>(x);
+  }
+  [[gnu::always_inline]] static F T(F plane, Number scale, Number move) {
+    if constexpr (kMoved) return MultiplyAdd<kWidth>(plane, Wide(scale), Wide(move));
+    return (plane - Wide(move)) * Wide(scale);
   }
 
-  F near_scale_[3], far_scale_[3], near_move_[3], far_move_[3];  // not kMoved: moves are the origin
+  Number near_scale_[3], far_scale_[3], near_move_[3], far_move_[3];  // not kMoved: moves are the origin
   unsigned near_row_[3], far_row_[3];
 };
 

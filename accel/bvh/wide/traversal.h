@@ -9,6 +9,7 @@
 
 #include "accel/base/huge_array.h"
 #include "accel/base/parallel.h"
+#include "accel/bvh/wide/interleaved.h"
 #include "accel/bvh/wide/leaf_test.h"
 #include "accel/bvh/wide/nodes.h"
 #include "accel/bvh/wide/ray.h"
@@ -19,13 +20,20 @@ namespace raybench {
 
 template <int kWidth, class Node>
 class WideBvhOf final : public WideBvh {
-  static constexpr int kLanes = int(LeafLanes(kWidth));
+  template <class Tree, bool kAnyHit>
+  friend class Interleaved;
+  static constexpr int kChildren = kWidth, kLanes = int(LeafLanes(kWidth)), kLeafLanes = kLanes;
   using F = FloatN<kWidth>;
   using Block = typename LeafBlocks<kLanes>::Block;
 
  public:
-  WideBvhOf(const rb_geometry& geometry, const BinaryTree& tree, const WideTopology& topology, bool needs_uv)
-      : geometry_(geometry), clipped_(tree.clipped), needs_uv_(needs_uv), node_count_(topology.nodes()) {
+  WideBvhOf(const rb_geometry& geometry, const BinaryTree& tree, const WideTopology& topology,
+            const WideOptions& options)
+      : geometry_(geometry),
+        clipped_(tree.clipped),
+        needs_uv_(options.needs_uv),
+        batch_(options.batch),
+        node_count_(topology.nodes()) {
     bounds_ = BoundsOf(tree.nodes[0]);
     if (node_count_ == 0) {
       Allocate(kBlockLines);
@@ -50,6 +58,13 @@ class WideBvhOf final : public WideBvh {
   }
 
   void Query(uint32_t numerics, const rb_query& query, bool counted) const override {
+    const bool interleaves = batch_ == Batch::kInterleaved && query.n > 1 && !counted && root_ == 0 &&
+                             Numerics(numerics) == Numerics::kWatertight && geometry_.procedural_count == 0;
+    if (interleaves) {
+      query.kind == RB_ANY ? Interleaved<WideBvhOf, true>(*this, query).Run()
+                           : Interleaved<WideBvhOf, false>(*this, query).Run();
+      return;
+    }
     WithNumerics(numerics, [&]<class Test>() {
       counted ? QueryWith<Test, Counting>(query) : QueryWith<Test, NoCounting>(query);
     });
@@ -106,6 +121,7 @@ class WideBvhOf final : public WideBvh {
     for (; c < uint32_t(kWidth); ++c) node.child[c] = node.child[0];
   }
 
+  static bool IsLeaf(uint32_t ref) { return (ref & kLeaf) != 0; }
   const Node& NodeOf(uint32_t ref) const { return reinterpret_cast<const Node&>(lines_[ref]); }
   const Block& BlockOf(uint32_t ref) const { return reinterpret_cast<const Block&>(lines_[ref & ~kLeaf]); }
 
@@ -149,7 +165,7 @@ class WideBvhOf final : public WideBvh {
     ForEachRay<Counter>(query, [&](auto any, const RayQuery& q, rb_hit& best, Counter& counter) {
       const SlabRay slab(q.ray, Test::kSlack);
       // Not a second SlabRay: read whole, what was just written in parts waits for the memory.
-      const float widening = clipped_ ? SlabRay::Widening(Test::kSlack) : 1;
+      const float widening = NearWidening(Test::kSlack);
       const auto trace = [&](const auto& make_leaf) {
         if constexpr (kMayMove) {
           if (MovedSlab::Fits(slab)) [[likely]] {
@@ -168,6 +184,17 @@ class WideBvhOf final : public WideBvh {
       const RayState<Test> state(q);
       trace(Made{CalledLeafTest<kLanes>(state, geometry_)});
     });
+  }
+
+  float NearWidening(Slack slack) const { return clipped_ ? SlabRay::Widening(slack) : 1; }
+
+  /// With WatertightTest, a ray that MovedSlab does not fit.
+  template <bool kAnyHit>
+  [[gnu::noinline]] void TraceAlone(const RayQuery& q, rb_hit& best) const {
+    NoCounting counter;
+    const RayState<WatertightTest> state(q);
+    Trace<kAnyHit>(WideRay<kWidth, false>(state.slab, NearWidening(WatertightTest::kSlack)),
+                   Made{CalledLeafTest<kLanes>(state, geometry_)}, q, best, counter);
   }
 
   /// In place of what makes a leaf test when the first node was met: one that is shared by several tests.
@@ -229,8 +256,10 @@ class WideBvhOf final : public WideBvh {
 
   /// Asks the memory for a child that waits: large trees are bound by it.
   [[gnu::always_inline]] void Prefetch(const Node& node, unsigned waiting) const {
-    if (waiting == 0) return;
-    const std::byte* at = lines_[node.child[__builtin_ctz(waiting)] & ~kLeaf].bytes;
+    if (waiting != 0) Prefetch(node.child[__builtin_ctz(waiting)]);
+  }
+  [[gnu::always_inline]] void Prefetch(uint32_t ref) const {
+    const std::byte* at = lines_[ref & ~kLeaf].bytes;
     for (size_t i = 0; i < std::max(sizeof(Node), sizeof(Block)); i += 64) __builtin_prefetch(at + i);
   }
 
@@ -310,16 +339,17 @@ class WideBvhOf final : public WideBvh {
   uint32_t root_ = 0;
   Bounds3 bounds_;
   bool clipped_, needs_uv_;
+  Batch batch_;
   uint64_t node_count_ = 0, leaf_count_ = 0;
 };
 
 template <int kWidth>
 std::unique_ptr<WideBvh> MakeWideBvhOf(const rb_geometry& geometry, const BinaryTree& tree,
-                                       const WideTopology& topology, NodeFormat format, bool needs_uv) {
+                                       const WideTopology& topology, const WideOptions& options) {
   const auto make = [&]<class Node>() -> std::unique_ptr<WideBvh> {
-    return std::make_unique<WideBvhOf<kWidth, Node>>(geometry, tree, topology, needs_uv);
+    return std::make_unique<WideBvhOf<kWidth, Node>>(geometry, tree, topology, options);
   };
-  switch (format) {
+  switch (options.format) {
     case NodeFormat::kQuantized16:
       return make.template operator()<QuantizedNode<kWidth, uint16_t>>();
     case NodeFormat::kQuantized8:

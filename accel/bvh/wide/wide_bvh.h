@@ -1,7 +1,7 @@
 // A BVH whose nodes have 4, 8 or 16 children, each tested at once: one ray against many boxes (Wald, Benthin, Boulos
 // 2008, "Getting rid of packets"; Ernst and Greiner 2008; Dammertz, Hanika, Keller 2008). Builders are those of binary
 // trees; collapse.h makes wide nodes of what they hand over. Nodes are in nodes.h, the node test in ray.h, the loops in
-// traversal.h, tests of leaves in leaf_test.h.
+// traversal.h, that for several rays at a time in interleaved.h, tests of leaves in leaf_test.h.
 //
 // Nodes and leaves stand in one array of lines, in depth-first order, the leaves of a node right behind it. A leaf is
 // one block of triangles (ray/leaf_blocks.h), as many as the node has children, but no more than eight. A reference is
@@ -22,6 +22,17 @@ namespace raybench {
 enum class NodeFormat : uint32_t { kFull, kQuantized16, kQuantized8 };
 inline constexpr const char* kNodeFormats[] = {"full", "quantized16", "quantized8", nullptr};
 
+/// How many rays of a query a thread traces at a time: one, or several (interleaved.h).
+enum class Batch : uint32_t { kSingle, kInterleaved };
+inline constexpr const char* kBatches[] = {"single", "interleaved", nullptr};
+
+struct WideOptions {
+  uint32_t width;  ///< 4, 8 or 16
+  NodeFormat format;
+  Batch batch;
+  bool needs_uv;
+};
+
 class WideBvh {
  public:
   virtual ~WideBvh() = default;
@@ -34,26 +45,23 @@ class WideBvh {
   static constexpr uint32_t LeafLanes(uint32_t width) { return width < 8 ? width : 8; }
 };
 
-/// Lays out a tree of `width` 4, 8 or 16. Runs inside the caller's task arena. Throws std::runtime_error if it is too
-/// large for references.
+/// Lays out a tree. Runs inside the caller's task arena. Throws std::runtime_error if it is too large for references.
 std::unique_ptr<WideBvh> MakeWideBvh(const rb_geometry& geometry, const BinaryTree& tree,
-                                     const WideTopology& topology, uint32_t width, NodeFormat format,
-                                     bool needs_uv);
+                                     const WideTopology& topology, const WideOptions& options);
 
 // One file a width.
-std::unique_ptr<WideBvh> MakeWideBvh4(const rb_geometry&, const BinaryTree&, const WideTopology&, NodeFormat,
-                                      bool needs_uv);
-std::unique_ptr<WideBvh> MakeWideBvh8(const rb_geometry&, const BinaryTree&, const WideTopology&, NodeFormat,
-                                      bool needs_uv);
-std::unique_ptr<WideBvh> MakeWideBvh16(const rb_geometry&, const BinaryTree&, const WideTopology&, NodeFormat,
-                                       bool needs_uv);
+std::unique_ptr<WideBvh> MakeWideBvh4(const rb_geometry&, const BinaryTree&, const WideTopology&,
+                                      const WideOptions&);
+std::unique_ptr<WideBvh> MakeWideBvh8(const rb_geometry&, const BinaryTree&, const WideTopology&,
+                                      const WideOptions&);
+std::unique_ptr<WideBvh> MakeWideBvh16(const rb_geometry&, const BinaryTree&, const WideTopology&,
+                                       const WideOptions&);
 
 inline std::unique_ptr<WideBvh> MakeWideBvh(const rb_geometry& geometry, const BinaryTree& tree,
-                                            const WideTopology& topology, uint32_t width, NodeFormat format,
-                                            bool needs_uv) {
-  if (width == 4) return MakeWideBvh4(geometry, tree, topology, format, needs_uv);
-  if (width == 8) return MakeWideBvh8(geometry, tree, topology, format, needs_uv);
-  return MakeWideBvh16(geometry, tree, topology, format, needs_uv);
+                                            const WideTopology& topology, const WideOptions& options) {
+  if (options.width == 4) return MakeWideBvh4(geometry, tree, topology, options);
+  if (options.width == 8) return MakeWideBvh8(geometry, tree, topology, options);
+  return MakeWideBvh16(geometry, tree, topology, options);
 }
 
 }  // namespace raybench

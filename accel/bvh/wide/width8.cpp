@@ -3,8 +3,8 @@
 namespace raybench {
 
 std::unique_ptr<WideBvh> MakeWideBvh8(const rb_geometry& geometry, const BinaryTree& tree,
-                                      const WideTopology& topology, NodeFormat format, bool needs_uv) {
-  return MakeWideBvhOf<8>(geometry, tree, topology, format, needs_uv);
+                                      const WideTopology& topology, const WideOptions& options) {
+  return MakeWideBvhOf<8>(geometry, tree, topology, options);
 }
 
 }  // namespace raybench

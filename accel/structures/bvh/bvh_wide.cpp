@@ -32,13 +32,13 @@ constexpr const char* kBuilders[] = {"binned", "sweep", "spatial", "morton", nul
 class BvhWide {
  public:
   struct Config {
-    uint32_t numerics, width, nodes, builder;
+    uint32_t numerics, width, nodes, builder, batch;
     int64_t bins, leaf_size, reinsertion;
     double split_budget, traversal_cost;
   };
   static constexpr Kind kKind = {"BVH", "O(N log N)", "SIMD nodes and leaves"};
   static constexpr uint64_t kCapabilities =
-      RB_CAN_COUNT | RB_CAN_PROCEDURAL | RB_CAN_AFTER | RB_CAN_SKIP | RB_DETERMINISTIC;
+      RB_CAN_COUNT | RB_CAN_PROCEDURAL | RB_CAN_AFTER | RB_CAN_SKIP | RB_NATIVE_BATCH | RB_DETERMINISTIC;
   static constexpr const char* kName = "bvh_wide";
   static constexpr const char* kDoc = "BVH with 4, 8 or 16 children a node, traced by SIMD";
   static constexpr const char* kSource =
@@ -67,7 +67,11 @@ class BvhWide {
         FloatParam("traversal_cost", "cost of a node in units of one leaf", offsetof(Config, traversal_cost),
                    0, 100, 1),
         IntParam("reinsertion", "passes that move subtrees to where they cost less",
-                 offsetof(Config, reinsertion), 0, 100, 0)};
+                 offsetof(Config, reinsertion), 0, 100, 0),
+        ChoiceParam("batch",
+                    "rays that a thread traces at a time: single, or interleaved (native batches: up to 16 "
+                    "rays of a call in flight, with numerics=watertight on triangles; others go singly)",
+                    offsetof(Config, batch), kBatches, uint32_t(Batch::kSingle), RB_PARAM_SPEED_ONLY)};
     return params;
   }
 
@@ -84,8 +88,9 @@ class BvhWide {
       if (config.reinsertion > 0)
         binary = Reinsert(std::move(binary), uint32_t(config.reinsertion), costs, options.cancel);
       costs.traversal = float(config.traversal_cost);
-      tree_ = MakeWideBvh(geometry, binary, Collapse(binary, width, costs), width, NodeFormat(config.nodes),
-                          (options.needs & RB_NEED_UV) != 0);
+      tree_ = MakeWideBvh(
+          geometry, binary, Collapse(binary, width, costs),
+          {width, NodeFormat(config.nodes), Batch(config.batch), (options.needs & RB_NEED_UV) != 0});
     });
     // Leaves that are not full take more than was estimated.
     RequireWithinLimit(Memory().nodes + Memory().prims, options);

@@ -1,5 +1,5 @@
-// embree: Intel's Embree (Wald et al. 2014) behind the contract, single-ray calls, as an engine would use
-// it first.
+// embree: Intel's Embree (Wald et al. 2014) behind the contract: single-ray calls, as an engine would use it first,
+// or packets and streams.
 //
 // Triangles are one geometry, procedural primitives a user geometry. Vertex and index arrays are shared with
 // the scene, not copied. Input that makes a packaged Embree abort is kept away from it: invalid rays, and
@@ -27,6 +27,7 @@
 #include "accel/contract/cancel.h"
 #include "accel/contract/structure.h"
 #include "accel/contract/valid_ray.h"
+#include "accel/structures/library/embree_call.h"
 
 namespace raybench {
 namespace {
@@ -45,18 +46,25 @@ using Owned = std::unique_ptr<std::remove_pointer_t<Handle>, Release>;
 const char* const kQualities[] = {"low", "medium", "high", nullptr};
 constexpr uint32_t kLow = 0;
 
+enum class Packet : uint32_t { kOne, kFour, kEight, kSixteen, kStream };
+#if RAYBENCH_EMBREE_MAJOR < 4
+const char* const kPackets[] = {"1", "4", "8", "16", "stream", nullptr};
+#else  // version 4 has no streams
+const char* const kPackets[] = {"1", "4", "8", "16", nullptr};
+#endif
+
 class Embree {
  public:
   struct Config {
-    uint32_t quality, robust, compact, flush_to_zero;
+    uint32_t quality, robust, compact, flush_to_zero, packet, coherent;
   };
   static constexpr const char* kName = "embree";
-  static constexpr const char* kDoc = "Intel Embree, single-ray calls";
+  static constexpr const char* kDoc = "Intel Embree, by single-ray calls, or by packets and streams";
   static constexpr const char* kSource =
       "Wald, Woop, Benthin, Johnson, Ernst 2014: Embree, a kernel framework";
   // Embree promises the same tree only for one thread.
   static constexpr Kind kKind = {"library", "O(N log N)", "library"};
-  static constexpr uint64_t kCapabilities = RB_CAN_PROCEDURAL;
+  static constexpr uint64_t kCapabilities = RB_CAN_PROCEDURAL | RB_NATIVE_BATCH;
   static std::span<const rb_param> Params() {
     static const rb_param params[] = {
         ChoiceParam("quality", "build quality: low (Morton), medium (binned SAH), high (spatial splits)",
@@ -65,7 +73,15 @@ class Embree {
                   offsetof(Config, robust), 0, RB_PARAM_APPROXIMATE),
         BoolParam("compact", "RTC_SCENE_FLAG_COMPACT: less memory", offsetof(Config, compact), false),
         BoolParam("flush_to_zero", "trace with subnormal numbers taken for 0, as Embree's manual recommends",
-                  offsetof(Config, flush_to_zero), 0, RB_PARAM_APPROXIMATE)};
+                  offsetof(Config, flush_to_zero), 0, RB_PARAM_APPROXIMATE),
+        ChoiceParam(
+            "packet",
+            "native batches: rays that Embree traces together, in packets of 4, 8 or 16 (rtcIntersect4 "
+            "and so on) or, with Embree 3 only, in streams of 256 (rtcIntersect1M); ids at ties may differ",
+            offsetof(Config, packet), kPackets, 0),
+        BoolParam("coherent",
+                  "tell Embree that rays are coherent: only then it traces the rays of a packet on one path",
+                  offsetof(Config, coherent), false)};
     return params;
   }
 
@@ -101,72 +117,20 @@ class Embree {
 
   template <class Counter>
   void Query(const rb_query& query) const {
-#if RAYBENCH_EMBREE_MAJOR >= 4
-    RTCIntersectArguments closest;
-    rtcInitIntersectArguments(&closest);
-    RTCOccludedArguments any;
-    rtcInitOccludedArguments(&any);
-#else
-    RTCIntersectContext context;
-    rtcInitIntersectContext(&context);
-#endif
     const FloatState state(config_.flush_to_zero != 0 ? FloatState::kFlushing : FloatState::kIeee);
-    // Locals: the compiler must take it that the library changes whatever it can reach.
-    const rb_ray* const rays = query.rays;
-    const size_t n = query.n;
-    const RTCScene scene = scene_.get();
-    // The robust test takes tnear in: its interval begins at the next float, which where subnormals are flushed is
-    // the smallest normal one.
-    const OpenEnd open_end{config_.robust != 0,
-                           config_.robust != 0 && config_.flush_to_zero != 0 ? 0x00800000u : 0};
-    const uint32_t triangles = uint32_t(geometry_.triangle_count);
-    const auto closest_hit = [&](const rb_ray& ray) -> rb_hit {
-      RTCRayHit found;
-      found.ray = ToEmbree(ray, open_end);
-      found.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-      found.hit.primID = RTC_INVALID_GEOMETRY_ID;
-      found.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-#if RAYBENCH_EMBREE_MAJOR >= 4
-      rtcIntersect1(scene, &found, &closest);
-#else
-      rtcIntersect1(scene, &context, &found);
-#endif
-      if (found.hit.geomID == RTC_INVALID_GEOMETRY_ID) return {ray.tfar, 0, 0, RAYBENCH_NONE};
-      return {found.ray.tfar, found.hit.u, found.hit.v,
-              found.hit.primID + (found.hit.geomID == kTriangles ? 0 : triangles)};
-    };
-    const auto closest_inside = [&](const rb_ray& ray) -> rb_hit {
-      rb_hit hit = closest_hit(ray);
-      if (hit.t > ray.tnear && hit.t <= ray.tfar) return hit;
-      const FloatState ieee;
-      // What it took by its own measure may have been rounded out of the interval; any-hit sees no t.
-      const float inside = std::min(std::max(hit.t, std::nextafter(ray.tnear, kInfinity)), ray.tfar);
-      if (std::fabs(hit.t - inside) <= 0x1p-20f * inside) return hit.t = inside, hit;
-      return AskAgain(ray, hit, closest_hit);
-    };
-    if (query.kind == RB_ANY) {
-      uint8_t* const occluded = query.occluded;
-      for (size_t i = 0; i < n; ++i) {
-        if (!IsTaken(rays[i])) [[unlikely]] {
-          occluded[i] = TraceUnusual(rays[i], closest_inside).prim != RAYBENCH_NONE;
-          continue;
-        }
-        RTCRay ray = ToEmbree(rays[i], open_end);
-        const bool asked = ray.tfar >= 0;
-        if (asked) [[likely]] {
-#if RAYBENCH_EMBREE_MAJOR >= 4
-          rtcOccluded1(scene, &ray, &any);
-#else
-          rtcOccluded1(scene, &context, &ray);
-#endif
-        }
-        occluded[i] = asked && ray.tfar < 0;
-      }
-      return;
-    }
-    rb_hit* const hits = query.hits;
-    for (size_t i = 0; i < n; ++i) {
-      hits[i] = IsTaken(rays[i]) ? closest_inside(rays[i]) : TraceUnusual(rays[i], closest_inside);
+    EmbreeCall call(scene_.get(), config_.coherent != 0);
+    const Asking asking(*this, call);
+    switch (Packet(config_.packet)) {
+      case Packet::kOne:
+        return QueryOneByOne(asking, query);
+      case Packet::kFour:
+        return QueryInPackets<4>(asking, query);
+      case Packet::kEight:
+        return QueryInPackets<8>(asking, query);
+      case Packet::kSixteen:
+        return QueryInPackets<16>(asking, query);
+      case Packet::kStream:
+        return QueryInStreams(asking, query);
     }
   }
 
@@ -188,6 +152,145 @@ class Embree {
     ray.dir_x = in.dir[0], ray.dir_y = in.dir[1], ray.dir_z = in.dir[2], ray.time = 0;
     ray.tfar = in.tfar, ray.mask = unsigned(-1), ray.id = 0, ray.flags = 0;
     return ray;
+  }
+
+  /// What the rays of a query have in common. Its numbers are copies: the compiler must take it that the library
+  /// changes whatever it can reach.
+  class Asking {
+   public:
+    Asking(const Embree& tree, EmbreeCall& call)
+        : call(call),
+          tree_(tree),
+          triangles_(uint32_t(tree.geometry_.triangle_count)),
+          // The robust test takes tnear in: its interval begins at the next float, which where subnormals are
+          // flushed is the smallest normal one.
+          open_end_{tree.config_.robust != 0,
+                    tree.config_.robust != 0 && tree.config_.flush_to_zero != 0 ? 0x00800000u : 0} {}
+
+    EmbreeCall& call;
+
+    RTCRay Ray(const rb_ray& ray) const { return ToEmbree(ray, open_end_); }
+    RTCRayHit RayHit(const rb_ray& ray) const {
+      RTCRayHit asked;
+      asked.ray = Ray(ray);
+      asked.hit.geomID = asked.hit.primID = asked.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+      return asked;
+    }
+    rb_hit Hit(const rb_ray& ray, float t, float u, float v, unsigned prim, unsigned geometry) const {
+      if (geometry == RTC_INVALID_GEOMETRY_ID) return {ray.tfar, 0, 0, RAYBENCH_NONE};
+      return {t, u, v, prim + (geometry == kTriangles ? 0 : triangles_)};
+    }
+    rb_hit Hit(const rb_ray& ray, const RTCRayHit& found) const {
+      return Hit(ray, found.ray.tfar, found.hit.u, found.hit.v, found.hit.primID, found.hit.geomID);
+    }
+    /// The hit, brought into the ray's interval.
+    rb_hit Inside(const rb_ray& ray, rb_hit hit) const {
+      if (hit.t > ray.tnear && hit.t <= ray.tfar) return hit;
+      const FloatState ieee;
+      // What it took by its own measure may have been rounded out of the interval; any-hit sees no t.
+      const float inside = std::min(std::max(hit.t, std::nextafter(ray.tnear, kInfinity)), ray.tfar);
+      if (std::fabs(hit.t - inside) <= 0x1p-20f * inside) return hit.t = inside, hit;
+      return tree_.AskAgain(ray, hit, [this](const rb_ray& longer) { return Closest(longer); });
+    }
+    rb_hit Closest(const rb_ray& ray) const {
+      RTCRayHit asked = RayHit(ray);
+      call.Closest(asked);
+      return Hit(ray, asked);
+    }
+    rb_hit ClosestInside(const rb_ray& ray) const { return Inside(ray, Closest(ray)); }
+    /// Of a ray that is not taken as it is.
+    rb_hit Unusual(const rb_ray& ray) const {
+      return TraceUnusual(ray, [this](const rb_ray& scaled) { return ClosestInside(scaled); });
+    }
+
+   private:
+    const Embree& tree_;
+    uint32_t triangles_;
+    OpenEnd open_end_;
+  };
+
+  static void QueryOneByOne(const Asking& asking, const rb_query& query) {
+    const rb_ray* const rays = query.rays;
+    const size_t n = query.n;
+    if (query.kind == RB_ANY) {
+      uint8_t* const occluded = query.occluded;
+      for (size_t i = 0; i < n; ++i) {
+        if (!IsTaken(rays[i])) [[unlikely]] {
+          occluded[i] = asking.Unusual(rays[i]).prim != RAYBENCH_NONE;
+          continue;
+        }
+        RTCRay ray = asking.Ray(rays[i]);
+        const bool asked = ray.tfar >= 0;
+        if (asked) [[likely]]
+          asking.call.Any(ray);
+        occluded[i] = asked && ray.tfar < 0;
+      }
+      return;
+    }
+    rb_hit* const hits = query.hits;
+    for (size_t i = 0; i < n; ++i)
+      hits[i] = IsTaken(rays[i]) ? asking.ClosestInside(rays[i]) : asking.Unusual(rays[i]);
+  }
+
+  /// A ray that a packet or stream leaves out: an unusual one is asked alone, and none ends before 0.
+  static bool IsTogether(const rb_ray& ray) { return IsTaken(ray) && ray.tfar >= 0; }
+  static rb_hit Alone(const Asking& asking, const rb_ray& ray) {
+    return IsTaken(ray) ? rb_hit{ray.tfar, 0, 0, RAYBENCH_NONE} : asking.Unusual(ray);
+  }
+
+  template <int kSize>
+  static void QueryInPackets(const Asking& asking, const rb_query& query) {
+    const size_t n = query.n;
+    for (size_t first = 0; first < n; first += kSize) {
+      const rb_ray* const rays = query.rays + first;
+      const int here = int(std::min<size_t>(kSize, n - first));
+      EmbreePacket<kSize> packet;
+      for (int k = 0; k < here; ++k)
+        if (IsTogether(rays[k])) [[likely]]
+          packet.Set(k, asking.Ray(rays[k]));
+      if (query.kind == RB_ANY) {
+        asking.call.Any(packet);
+        for (int k = 0; k < here; ++k)
+          query.occluded[first + size_t(k)] =
+              packet.Has(k) ? packet.IsOccluded(k) : Alone(asking, rays[k]).prim != RAYBENCH_NONE;
+        continue;
+      }
+      asking.call.Closest(packet);
+      for (int k = 0; k < here; ++k) {
+        const auto& p = packet.rays;
+        query.hits[first + size_t(k)] =
+            packet.Has(k) ? asking.Inside(rays[k], asking.Hit(rays[k], p.ray.tfar[k], p.hit.u[k], p.hit.v[k],
+                                                              p.hit.primID[k], p.hit.geomID[k]))
+                          : Alone(asking, rays[k]);
+      }
+    }
+  }
+
+  static void QueryInStreams([[maybe_unused]] const Asking& asking, [[maybe_unused]] const rb_query& query) {
+#if RAYBENCH_EMBREE_MAJOR < 4
+    constexpr size_t kRays = 256;
+    RTCRayHit stream[kRays];
+    for (size_t first = 0; first < query.n; first += kRays) {
+      const rb_ray* const rays = query.rays + first;
+      const size_t here = std::min(kRays, query.n - first);
+      for (size_t k = 0; k < here; ++k) {
+        stream[k] = asking.RayHit(rays[k]);
+        if (!IsTogether(rays[k])) stream[k].ray = EmbreeCall::NoRay();
+      }
+      const unsigned count = unsigned(here);
+      query.kind == RB_ANY ? asking.call.AnyStream(stream, count) : asking.call.ClosestStream(stream, count);
+      for (size_t k = 0; k < here; ++k) {
+        const bool alone = !IsTogether(rays[k]);
+        if (query.kind == RB_ANY) {
+          query.occluded[first + k] =
+              alone ? Alone(asking, rays[k]).prim != RAYBENCH_NONE : stream[k].ray.tfar < 0;
+        } else {
+          query.hits[first + k] =
+              alone ? Alone(asking, rays[k]) : asking.Inside(rays[k], asking.Hit(rays[k], stream[k]));
+        }
+      }
+    }
+#endif
   }
 
   /// What Embree takes without an assertion (components up to its FLT_LARGE), and without t = NaN for triangles
@@ -245,7 +348,8 @@ class Embree {
                                geometry_.triangle_count);
     if (geometry_.procedural_count > 0) {
       rtcSetGeometryIntersectFilterFunction(g, [](const RTCFilterFunctionNArguments* args) {
-        if (std::isnan(RTCRayN_tfar(args->ray, args->N, 0))) args->valid[0] = 0;
+        for (unsigned i = 0; i < args->N; ++i)
+          if (std::isnan(RTCRayN_tfar(args->ray, args->N, i))) args->valid[i] = 0;
       });
     }
     Attach(g, kTriangles);
@@ -265,20 +369,26 @@ class Embree {
         },
         nullptr);
     rtcSetGeometryIntersectFunction(g, [](const RTCIntersectFunctionNArguments* args) {
-      if (args->valid[0] == 0) return;
-      auto* found = reinterpret_cast<RTCRayHit*>(args->rayhit);
-      rb_hit hit;
-      if (!IntersectProcedural(args->geometryUserPtr, args->primID, found->ray, hit)) return;
-      found->ray.tfar = hit.t, found->hit.u = hit.u, found->hit.v = hit.v;
-      found->hit.primID = args->primID, found->hit.geomID = args->geomID;
-      found->hit.instID[0] = args->context->instID[0];
+      const unsigned n = args->N;
+      RTCRayN* const rays = RTCRayHitN_RayN(args->rayhit, n);
+      RTCHitN* const hits = RTCRayHitN_HitN(args->rayhit, n);
+      for (unsigned i = 0; i < n; ++i) {
+        rb_hit hit;
+        if (args->valid[i] == 0 ||
+            !IntersectProcedural(args->geometryUserPtr, args->primID, rtcGetRayFromRayN(rays, n, i), hit))
+          continue;
+        RTCRayN_tfar(rays, n, i) = hit.t;
+        RTCHitN_u(hits, n, i) = hit.u, RTCHitN_v(hits, n, i) = hit.v;
+        RTCHitN_primID(hits, n, i) = args->primID, RTCHitN_geomID(hits, n, i) = args->geomID;
+        RTCHitN_instID(hits, n, i, 0) = args->context->instID[0];
+      }
     });
     rtcSetGeometryOccludedFunction(g, [](const RTCOccludedFunctionNArguments* args) {
-      if (args->valid[0] == 0) return;
-      auto* ray = reinterpret_cast<RTCRay*>(args->ray);
-      rb_hit hit;
-      if (IntersectProcedural(args->geometryUserPtr, args->primID, *ray, hit)) {
-        ray->tfar = -kInfinity;
+      for (unsigned i = 0; i < args->N; ++i) {
+        rb_hit hit;
+        if (args->valid[i] != 0 && IntersectProcedural(args->geometryUserPtr, args->primID,
+                                                       rtcGetRayFromRayN(args->ray, args->N, i), hit))
+          RTCRayN_tfar(args->ray, args->N, i) = -kInfinity;
       }
     });
     Attach(g, kProcedural);
