@@ -32,11 +32,14 @@ class Builder {
     BuildNode& node = tree_.nodes[slot];
     SetBounds(node, range.box);
 
+    if (n == 1 || options_.costs.NeverPays(n)) {
+      SetLeaf(node, range.begin, n);
+      return;
+    }
     const Binning binning(range.centroids, std::min(options_.bins, uint32_t(4 + n / 4)));
     Split split;
-    if (n > 1 && depth < kSahDepth) split = FindSplit(&records_[0], range, binning, options_.costs);
-    if (n == 1 ||
-        (n <= options_.costs.leaf_size && !options_.costs.Pays(split.cost, n, range.box.HalfArea()))) {
+    if (depth < kSahDepth) split = FindSplit(&records_[0], range, binning, options_.costs);
+    if (n <= options_.costs.leaf_size && !options_.costs.Pays(split.cost, n, range.box.HalfArea())) {
       SetLeaf(node, range.begin, n);
       return;
     }
@@ -56,32 +59,38 @@ class Builder {
 
   /// Both sides' centroids, collected without a branch: which side a record goes to is anybody's guess.
   class Sides {
+    using Corners = FloatN<8>;  // a box as lo and -hi
+
    public:
     Sides(const Binning& binning, const Split& split)
         : axis_(split.axis), bin_(split.bin), origin_(binning.origin[axis_]), scale_(binning.scale[axis_]) {}
 
     bool Add(const Record& r) {
+      const bool is_left = IsLeft(r);
       const Float4 c = r.Centroid2();
-      const bool is_left = int32_t((c[axis_] - origin_) * scale_) < bin_;  // as Binning::Of
-      const int32_t lanes = -int32_t(is_left);
-      const Int4 mask{lanes, lanes, lanes, lanes};
-      const Box4 none = Box4::Empty();
-      left_.lo = MinOrSecond(mask ? c : none.lo, left_.lo);
-      left_.hi = MaxOrSecond(mask ? c : none.hi, left_.hi);
-      right_.lo = MinOrSecond(mask ? none.lo : c, right_.lo);
-      right_.hi = MaxOrSecond(mask ? none.hi : c, right_.hi);
+      const Corners corners = __builtin_shufflevector(c, -c, 0, 1, 2, 3, 4, 5, 6, 7),
+                    none = Splat<Corners>(std::numeric_limits<float>::infinity());
+      const IntN<8> mask = Splat<IntN<8>>(-int32_t(is_left));
+      left_ = Smaller<8>(mask ? corners : none, left_);
+      right_ = Smaller<8>(mask ? none : corners, right_);
       return is_left;
     }
-    bool IsLeft(const Record& r) const { return int32_t((r.Centroid2()[axis_] - origin_) * scale_) < bin_; }
+    bool IsLeft(const Record& r) const {
+      // As Binning::Of.
+      return int32_t((r.Centroid2()[axis_] - origin_) * scale_) < bin_;
+    }
     void Into(RecordRange& left, RecordRange& right) const {
-      left.centroids.Extend(left_);
-      right.centroids.Extend(right_);
+      left.centroids.Extend(BoxOf(left_));
+      right.centroids.Extend(BoxOf(right_));
     }
 
    private:
+    static Box4 BoxOf(Corners c) {
+      return {__builtin_shufflevector(c, c, 0, 1, 2, 3), -__builtin_shufflevector(c, c, 4, 5, 6, 7)};
+    }
     int axis_, bin_;
     float origin_, scale_;
-    Box4 left_ = Box4::Empty(), right_ = Box4::Empty();
+    Corners left_ = Splat<Corners>(std::numeric_limits<float>::infinity()), right_ = left_;
   };
 
   void Partition(const RecordRange& range, const Binning& binning, const Split& split, RecordRange& left,

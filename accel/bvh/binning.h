@@ -2,6 +2,9 @@
 // by builders.
 #pragma once
 
+#include <bit>
+#include <cstddef>
+
 #include "accel/base/parallel.h"
 #include "accel/bvh/build_records.h"
 
@@ -30,42 +33,98 @@ struct Binning {
   }
 };
 
-struct Bins {
-  /// A box as lo and -hi: one minimum extends it. Aligned as tasks are.
-  using Corners = FloatN<8>;
-  using StoredCorners __attribute__((aligned(16))) = Corners;
-  StoredCorners box[3][kMaxBins];
-  uint32_t count[3][kMaxBins];
+/// SahCosts::Blocks of four numbers at once.
+class BlockCount {
+ public:
+  explicit BlockCount(const SahCosts& costs)
+      : size_(int32_t(costs.block_size)),
+        shift_(std::has_single_bit(costs.block_size) ? std::countr_zero(costs.block_size) : -1) {}
+  Float4 operator()(Int4 prims) const {
+    Int4 blocks = prims + (size_ - 1);
+    if (shift_ >= 0) [[likely]] {
+      blocks >>= shift_;
+    } else {
+      blocks /= size_;
+    }
+    return __builtin_convertvector(blocks, Float4);
+  }
 
+ private:
+  int32_t size_, shift_;
+};
+
+/// What was found in each bin of each axis.
+class alignas(64) Bins {
+  /// A box as lo and -hi, so that one minimum extends it; an integer in the last lane counts.
+  using Entry = FloatN<8>;
+
+ public:
   explicit Bins(uint32_t bins) {
-    for (int a = 0; a < 3; ++a) {
-      for (uint32_t b = 0; b < bins; ++b)
-        box[a][b] = Splat<Corners>(std::numeric_limits<float>::infinity()), count[a][b] = 0;
+    constexpr float kInf = std::numeric_limits<float>::infinity();
+    const Entry none = {kInf, kInf, kInf, kInf, kInf, kInf, kInf, 0};
+    for (uint32_t b = 0; b < bins; ++b) {
+      for (Entry& entry : entries_[b]) entry = none;
     }
   }
   void Add(const Record* r, size_t n, const Binning& binning) {
     constexpr int32_t kSign = int32_t(0x80000000u);
     for (size_t i = 0; i < n; ++i) {
-      const Int4 bin = binning.Of(r[i]);
-      const Corners corners = Corners(Load<IntN<8>>(reinterpret_cast<const int32_t*>(&r[i])) ^
-                                      IntN<8>{0, 0, 0, 0, kSign, kSign, kSign, kSign});
+      const Int4 at = binning.Of(r[i]) * int32_t(sizeof entries_[0]);
+      const Entry corners = Entry(Load<IntN<8>>(reinterpret_cast<const int32_t*>(&r[i])) ^
+                                  IntN<8>{0, 0, 0, 0, kSign, kSign, kSign, kSign});
       for (int a = 0; a < 3; ++a) {
-        StoredCorners& sum = box[a][bin[a]];
-        sum = MinOrSecond<Corners>(corners, sum);
-        ++count[a][bin[a]];
+        Entry& sum = *reinterpret_cast<Entry*>(reinterpret_cast<std::byte*>(&entries_[0][a]) + at[a]);
+        sum = Sum(corners, sum, 1);
       }
     }
   }
   void Merge(const Bins& o, uint32_t bins) {
-    for (int a = 0; a < 3; ++a) {
-      for (uint32_t b = 0; b < bins; ++b)
-        box[a][b] = MinOrSecond<Corners>(o.box[a][b], box[a][b]), count[a][b] += o.count[a][b];
+    for (uint32_t b = 0; b < bins; ++b) {
+      for (int a = 0; a < 3; ++a) entries_[b][a] = Sum(o.entries_[b][a], entries_[b][a], o.Count(a, b));
     }
   }
-  Box4 Box(int axis, uint32_t bin) const {
-    const Corners c = box[axis][bin];
-    return {__builtin_shufflevector(c, c, 0, 1, 2, 3), -__builtin_shufflevector(c, c, 4, 5, 6, 7)};
+  int32_t Count(int axis, uint32_t bin) const { return IntN<8>(entries_[bin][axis])[7]; }
+  Box4 Box(int axis, uint32_t from, uint32_t to) const {
+    Entry e = entries_[from][axis];
+    for (uint32_t b = from + 1; b < to; ++b) e = Smaller<8>(entries_[b][axis], e);
+    return {__builtin_shufflevector(e, e, 0, 1, 2, 3), -__builtin_shufflevector(e, e, 4, 5, 6, 7)};
   }
+
+  /// A sum over bins, of all axes.
+  class Running {
+   public:
+    void Add(const Bins& bins, uint32_t bin) {
+      for (int a = 0; a < 3; ++a) box_[a] = Smaller<8>(bins.entries_[bin][a], box_[a]);
+      counts_ += Int4{bins.Count(0, bin), bins.Count(1, bin), bins.Count(2, bin), 0};
+    }
+    /// Lane a: of the sum along axis a. NaN if there is none.
+    Float4 Cost(const BlockCount& blocks) const {
+      const Float4 x = NegativeExtent(0), y = NegativeExtent(1), z = NegativeExtent(2);
+      const Float4 low = __builtin_shufflevector(x, y, 0, 4, 1, 5),
+                   high = __builtin_shufflevector(x, y, 2, 6, 2, 6),
+                   e0 = __builtin_shufflevector(low, z, 0, 1, 4, 4),
+                   e1 = __builtin_shufflevector(low, z, 2, 3, 5, 5),
+                   e2 = __builtin_shufflevector(high, z, 0, 1, 6, 6);
+      return (e0 * e1 + e1 * e2 + e2 * e0) * blocks(counts_);
+    }
+
+   private:
+    Float4 NegativeExtent(int axis) const {
+      const Entry e = box_[axis];
+      return __builtin_shufflevector(e, e, 0, 1, 2, 3) + __builtin_shufflevector(e, e, 4, 5, 6, 7);
+    }
+    static constexpr float kInf = std::numeric_limits<float>::infinity();
+    Entry box_[3] = {Splat<Entry>(kInf), Splat<Entry>(kInf), Splat<Entry>(kInf)};
+    Int4 counts_{};
+  };
+
+ private:
+  static Entry Sum(Entry box, Entry sum, int32_t count) {
+    const IntN<8> is_count{0, 0, 0, 0, 0, 0, 0, -1};
+    return is_count ? Entry(IntN<8>(sum) + IntN<8>{0, 0, 0, 0, 0, 0, 0, count}) : Smaller<8>(box, sum);
+  }
+
+  Entry entries_[kMaxBins][3];
 };
 
 struct Split {
@@ -75,28 +134,32 @@ struct Split {
   Box4 left = Box4::Empty(), right = Box4::Empty();
 };
 
-/// The cheapest plane between bins. Sides without a primitive are none.
-inline Split BestSplit(const Bins& bins, const Binning& binning, const SahCosts& costs) {
+/// The cheapest plane between bins. Sides without a primitive are none: they cost NaN.
+inline Split BestSplit(const Bins& bins, uint32_t count, const SahCosts& costs) {
+  const BlockCount blocks(costs);
+  Float4 right_cost[kMaxBins];
+  Bins::Running sum;
+  for (uint32_t b = count - 1; b > 0; --b) {
+    sum.Add(bins, b);
+    right_cost[b] = sum.Cost(blocks);
+  }
+  sum = {};
+  Float4 best_cost = Splat<Float4>(std::numeric_limits<float>::infinity());
+  Int4 best_bin{};
+  for (uint32_t b = 1; b < count; ++b) {
+    sum.Add(bins, b - 1);
+    const Float4 cost = sum.Cost(blocks) + right_cost[b];
+    const Int4 is_better = cost < best_cost;
+    best_cost = is_better ? cost : best_cost;
+    best_bin = is_better ? Splat<Int4>(int32_t(b)) : best_bin;
+  }
   Split best;
   for (int axis = 0; axis < 3; ++axis) {
-    if (!binning.Usable(axis)) continue;
-    float right_cost[kMaxBins];
-    Box4 box = Box4::Empty();
-    uint32_t count = 0;
-    for (uint32_t b = binning.bins - 1; b > 0; --b) {
-      box.Extend(bins.Box(axis, b)), count += bins.count[axis][b];
-      right_cost[b] = count == 0 ? -1 : box.HalfArea() * costs.Blocks(count);
-    }
-    box = Box4::Empty(), count = 0;
-    for (uint32_t b = 1; b < binning.bins; ++b) {
-      box.Extend(bins.Box(axis, b - 1)), count += bins.count[axis][b - 1];
-      if (count == 0 || right_cost[b] < 0) continue;
-      const float cost = box.HalfArea() * costs.Blocks(count) + right_cost[b];
-      if (cost < best.cost) best.cost = cost, best.axis = axis, best.bin = int32_t(b), best.left = box;
-    }
+    if (best_cost[axis] < best.cost) best.cost = best_cost[axis], best.axis = axis, best.bin = best_bin[axis];
   }
   if (best.axis >= 0) {
-    for (uint32_t b = uint32_t(best.bin); b < binning.bins; ++b) best.right.Extend(bins.Box(best.axis, b));
+    best.left = bins.Box(best.axis, 0, uint32_t(best.bin));
+    best.right = bins.Box(best.axis, uint32_t(best.bin), count);
   }
   return best;
 }
@@ -107,7 +170,7 @@ inline Split FindSplit(const Record* records, const RecordRange& range, const Bi
   if (range.size() < kParallelRange) {
     Bins bins(binning.bins);
     bins.Add(&records[range.begin], range.size(), binning);
-    return BestSplit(bins, binning, costs);
+    return BestSplit(bins, binning.bins, costs);
   }
   const Bins bins = ParallelReduce(
       Range<size_t>(range.begin, range.end, kParallelBlock), Bins(binning.bins),
@@ -119,7 +182,7 @@ inline Split FindSplit(const Record* records, const RecordRange& range, const Bi
         a.Merge(b, binning.bins);
         return a;
       });
-  return BestSplit(bins, binning, costs);
+  return BestSplit(bins, binning.bins, costs);
 }
 
 /// Splits a range in the middle of its records, however they stand.

@@ -8,8 +8,8 @@
 #include <utility>
 
 #include "accel/base/huge_array.h"
+#include "accel/base/lanes.h"
 #include "accel/base/parallel.h"
-#include "accel/base/simd.h"
 #include "accel/bvh/binary_tree.h"
 #include "accel/contract/cancel.h"
 #include "accel/contract/structure.h"
@@ -24,8 +24,8 @@ struct Box4 {
     constexpr float kInf = std::numeric_limits<float>::infinity();
     return {Splat<Float4>(kInf), Splat<Float4>(-kInf)};
   }
-  void Extend(Float4 p) { lo = MinOrSecond(p, lo), hi = MaxOrSecond(p, hi); }
-  void Extend(const Box4& b) { lo = MinOrSecond(b.lo, lo), hi = MaxOrSecond(b.hi, hi); }
+  void Extend(Float4 p) { lo = Smaller<4>(p, lo), hi = Larger<4>(p, hi); }
+  void Extend(const Box4& b) { lo = Smaller<4>(b.lo, lo), hi = Larger<4>(b.hi, hi); }
   float HalfArea() const {
     const Float4 e = hi - lo;
     return e[0] * e[1] + e[1] * e[2] + e[2] * e[0];

@@ -174,8 +174,8 @@ class SpatialBuilder {
   }
 
   static float Overlap(const Split& split) {
-    const Float4 lo = MaxOrSecond(split.left.lo, split.right.lo),
-                 hi = MinOrSecond(split.left.hi, split.right.hi);
+    const Float4 lo = Larger<4>(split.left.lo, split.right.lo),
+                 hi = Smaller<4>(split.left.hi, split.right.hi);
     return IsEmpty({lo, hi}) ? 0 : Box4{lo, hi}.HalfArea();
   }
   static bool IsEmpty(const Box4& box) { return (Mask(box.lo > box.hi) & 7u) != 0; }
@@ -231,8 +231,8 @@ class SpatialBuilder {
         Box4 part = edges.Between(from, to);
         part.Extend(crossing);
         part.Extend(next);
-        slab.lo = MaxOrSecond(part.lo, slab.lo);
-        slab.hi = MinOrSecond(part.hi, slab.hi);
+        slab.lo = Larger<4>(part.lo, slab.lo);
+        slab.hi = Smaller<4>(part.hi, slab.hi);
         crossing = next;
       }
       if (!IsEmpty(slab)) bins.box[axis][b].Extend(slab);
@@ -327,8 +327,8 @@ class SpatialBuilder {
     }
     if (padded_) b = PaddedBounds(b.lo, b.hi, extent);
     const Float4 zero{};  // -0 becomes 0
-    return {MaxOrSecond(Float4{b.lo.x, b.lo.y, b.lo.z, 0} + zero, box.lo),
-            MinOrSecond(Float4{b.hi.x, b.hi.y, b.hi.z, 0} + zero, box.hi)};
+    return {Larger<4>(Float4{b.lo.x, b.lo.y, b.lo.z, 0} + zero, box.lo),
+            Smaller<4>(Float4{b.hi.x, b.hi.y, b.hi.z, 0} + zero, box.hi)};
   }
 
   /// Left ones move to the front of the range, right ones to the scratch array. Returns false if there are
