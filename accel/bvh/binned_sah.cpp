@@ -1,7 +1,6 @@
 #include "accel/bvh/binned_sah.h"
 
 #include <algorithm>
-#include <cstring>
 #include <utility>
 #include <vector>
 
@@ -14,47 +13,56 @@ namespace {
 class Builder {
  public:
   Builder(const rb_geometry& geometry, const BinnedSahOptions& options, const volatile int* cancel)
-      : options_(options), cancel_(cancel), records_(PrimCount(geometry)) {
-    if (records_.size() >= kParallelRange) scratch_ = HugeArray<Record>(records_.size());
-    tree_.nodes = HugeArray<BuildNode>(2 * records_.size());
-    Recurse(MakeRecords(geometry, options.padded, records_), 0, 0);
-    tree_.order = HugeArray<uint32_t>(records_.size());
-    ForBlocks(0, records_.size(), [&](size_t begin, size_t end) {
-      for (size_t i = begin; i < end; ++i) tree_.order[i] = records_[i].id();
-    });
+      : options_(options), cancel_(cancel) {
+    const size_t n = PrimCount(geometry);
+    tree_.nodes = HugeArray<BuildNode>(2 * n);
+    tree_.order = HugeArray<uint32_t>(n);
+    HugeArray<Record> records(n), other;
+    if (n >= kParallelRange) other = HugeArray<Record>(n);
+    const RecordRange all = MakeRecords(geometry, options.padded, records);
+    Recurse(all, {records.data(), other.data()}, 0, 0);
   }
   BinaryTree Take() { return std::move(tree_); }
 
  private:
-  void Recurse(const RecordRange& range, uint32_t slot, uint32_t depth) {
+  /// Where records stand, and room for them that long ranges are partitioned to.
+  struct Arrays {
+    Record *records, *other;
+  };
+
+  void Recurse(const RecordRange& range, const Arrays& in, uint32_t slot, uint32_t depth) {
     const size_t n = range.size();
     if (n >= kTaskRange) CheckCancel(cancel_);
-    BuildNode& node = tree_.nodes[slot];
-    SetBounds(node, range.box);
+    SetBounds(tree_.nodes[slot], range.box);
+    if (n == 1 || options_.costs.NeverPays(n)) return Leaf(range, in.records, slot);
 
-    if (n == 1 || options_.costs.NeverPays(n)) {
-      SetLeaf(node, range.begin, n);
-      return;
-    }
     const Binning binning(range.centroids, std::min(options_.bins, uint32_t(4 + n / 4)));
+    BlockBins blocks;
     Split split;
-    if (depth < kSahDepth) split = FindSplit(&records_[0], range, binning, options_.costs);
-    if (n <= options_.costs.leaf_size && !options_.costs.Pays(split.cost, n, range.box.HalfArea())) {
-      SetLeaf(node, range.begin, n);
-      return;
-    }
+    if (depth < kSahDepth) split = FindSplit(in.records, range, binning, options_.costs, blocks);
+    if (n <= options_.costs.leaf_size && !options_.costs.Pays(split.cost, n, range.box.HalfArea()))
+      return Leaf(range, in.records, slot);
 
-    RecordRange left{range.begin, range.begin}, right{range.end, range.end};
+    RecordRange left{range.begin, range.begin, split.left}, right{range.end, range.end, split.right};
+    Arrays out = in;
     if (split.axis < 0) {
-      Halve(&records_[0], range, left, right);
+      Halve(in.records, range, left, right);
     } else if (n >= kParallelRange) {
-      PartitionInParallel(range, binning, split, left, right);
+      PartitionInParallel(range, in, binning, split, blocks, left, right);
+      std::swap(out.records, out.other);
     } else {
-      Partition(range, binning, split, left, right);
+      Partition(range, in.records, binning, split, left, right);
     }
-    const uint32_t right_slot = SetInner(node, slot, left.size());
+    blocks = {};
+    const uint32_t right_slot = SetInner(tree_.nodes[slot], slot, left.size());
     Both(
-        n, [&] { Recurse(left, slot + 1, depth + 1); }, [&] { Recurse(right, right_slot, depth + 1); });
+        n, [&] { Recurse(left, out, slot + 1, depth + 1); },
+        [&] { Recurse(right, out, right_slot, depth + 1); });
+  }
+
+  void Leaf(const RecordRange& range, const Record* records, uint32_t slot) {
+    SetLeaf(tree_.nodes[slot], range.begin, range.size());
+    for (size_t i = range.begin; i < range.end; ++i) tree_.order[i] = records[i].id();
   }
 
   /// Both sides' centroids, collected without a branch: which side a record goes to is anybody's guess.
@@ -93,62 +101,50 @@ class Builder {
     Corners left_ = Splat<Corners>(std::numeric_limits<float>::infinity()), right_ = left_;
   };
 
-  void Partition(const RecordRange& range, const Binning& binning, const Split& split, RecordRange& left,
-                 RecordRange& right) {
+  static void Partition(const RecordRange& range, Record* records, const Binning& binning, const Split& split,
+                        RecordRange& left, RecordRange& right) {
     Sides sides(binning, split);
     size_t l = range.begin;
     for (size_t i = range.begin; i < range.end; ++i) {
-      const Record r = records_[i];
-      records_[i] = records_[l];
-      records_[l] = r;
+      const Record r = records[i];
+      records[i] = records[l];
+      records[l] = r;
       l += sides.Add(r);
     }
     left.end = right.begin = l;
-    left.box = split.left;
-    right.box = split.right;
     sides.Into(left, right);
   }
 
-  /// Stable: each block counts its left side, then all blocks move their records to where they belong.
-  void PartitionInParallel(const RecordRange& range, const Binning& binning, const Split& split,
-                           RecordRange& left, RecordRange& right) {
-    const Sides empty(binning, split);
-    std::vector<Sides> sides((range.size() + kParallelBlock - 1) / kParallelBlock, empty);
-    std::vector<size_t> starts(sides.size());  // how many go left: in the block, then before it
+  /// Stable: bins tell how many of a block go left, so each block moves its records to where they belong.
+  static void PartitionInParallel(const RecordRange& range, const Arrays& in, const Binning& binning,
+                                  const Split& split, const BlockBins& blocks, RecordRange& left,
+                                  RecordRange& right) {
+    std::vector<size_t> lefts(blocks.size());  // before each block
+    size_t sum = 0;
+    for (size_t b = 0; b < blocks.size(); ++b) {
+      lefts[b] = sum;
+      for (uint32_t bin = 0; bin < uint32_t(split.bin); ++bin) sum += size_t(blocks[b].Count(split.axis, bin));
+    }
+    left.end = right.begin = range.begin + sum;
+    std::vector<Sides> sides(blocks.size(), Sides(binning, split));
     ForBlocks(range.begin, range.end, [&](size_t begin, size_t end) {
       const size_t block = (begin - range.begin) / kParallelBlock;
-      Sides own = empty;
-      size_t lefts = 0;
-      for (size_t i = begin; i < end; ++i) lefts += own.Add(records_[i]);
-      sides[block] = own;
-      starts[block] = lefts;
-    });
-    size_t lefts = 0;
-    for (size_t block = 0; block < sides.size(); ++block) {
-      lefts += std::exchange(starts[block], lefts);
-      sides[block].Into(left, right);
-    }
-    left.end = right.begin = range.begin + lefts;
-    left.box = split.left;
-    right.box = split.right;
-    ForBlocks(range.begin, range.end, [&](size_t begin, size_t end) {
-      size_t l = range.begin + starts[(begin - range.begin) / kParallelBlock];
-      size_t r = right.begin + (begin - l);
+      Sides own = sides[block];
+      size_t l = range.begin + lefts[block], r = right.begin + (begin - l);
       for (size_t i = begin; i < end; ++i) {
-        const bool is_left = empty.IsLeft(records_[i]);
-        scratch_[is_left ? l : r] = records_[i];
+        const Record record = in.records[i];
+        const bool is_left = own.Add(record);
+        in.other[is_left ? l : r] = record;
         l += is_left;
         r += !is_left;
       }
+      sides[block] = own;
     });
-    ForBlocks(range.begin, range.end, [&](size_t begin, size_t end) {
-      std::memcpy(static_cast<void*>(&records_[begin]), &scratch_[begin], (end - begin) * sizeof(Record));
-    });
+    for (const Sides& own : sides) own.Into(left, right);
   }
 
   BinnedSahOptions options_;
   const volatile int* cancel_;
-  HugeArray<Record> records_, scratch_;
   BinaryTree tree_;
 };
 
@@ -160,7 +156,8 @@ BinaryTree BuildBinnedSah(const rb_geometry& geometry, const BinnedSahOptions& o
 }
 
 uint64_t BinnedSahPeakBytes(uint64_t prims) {
-  return prims * (2 * sizeof(Record) + 2 * sizeof(BuildNode) + sizeof(uint32_t));
+  return prims * (2 * sizeof(Record) + 2 * sizeof(BuildNode) + sizeof(uint32_t)) +
+         BlocksIn(prims) * sizeof(Bins);
 }
 
 }  // namespace raybench

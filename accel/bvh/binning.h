@@ -2,6 +2,7 @@
 // by builders.
 #pragma once
 
+#include <algorithm>
 #include <bit>
 #include <cstddef>
 
@@ -62,31 +63,27 @@ class alignas(64) Bins {
   explicit Bins(uint32_t bins) {
     constexpr float kInf = std::numeric_limits<float>::infinity();
     const Entry none = {kInf, kInf, kInf, kInf, kInf, kInf, kInf, 0};
-    for (uint32_t b = 0; b < bins; ++b) {
-      for (Entry& entry : entries_[b]) entry = none;
-    }
+    for (Entry(&axis)[kMaxBins] : entries_) std::fill_n(axis, bins, none);
   }
-  void Add(const Record* r, size_t n, const Binning& binning) {
+  void Add(const Record& r, const Binning& binning) {
     constexpr int32_t kSign = int32_t(0x80000000u);
-    for (size_t i = 0; i < n; ++i) {
-      const Int4 at = binning.Of(r[i]) * int32_t(sizeof entries_[0]);
-      const Entry corners = Entry(Load<IntN<8>>(reinterpret_cast<const int32_t*>(&r[i])) ^
-                                  IntN<8>{0, 0, 0, 0, kSign, kSign, kSign, kSign});
-      for (int a = 0; a < 3; ++a) {
-        Entry& sum = *reinterpret_cast<Entry*>(reinterpret_cast<std::byte*>(&entries_[0][a]) + at[a]);
-        sum = Sum(corners, sum, 1);
-      }
+    const Vec<uint32_t, 4> at = Vec<uint32_t, 4>(binning.Of(r)) * uint32_t(sizeof(Entry));
+    const Entry corners = Entry(Load<IntN<8>>(reinterpret_cast<const int32_t*>(&r)) ^
+                                IntN<8>{0, 0, 0, 0, kSign, kSign, kSign, kSign});
+    for (int a = 0; a < 3; ++a) {
+      Entry& sum = *reinterpret_cast<Entry*>(reinterpret_cast<std::byte*>(entries_[a]) + at[a]);
+      sum = Sum(corners, sum, 1);
     }
   }
   void Merge(const Bins& o, uint32_t bins) {
-    for (uint32_t b = 0; b < bins; ++b) {
-      for (int a = 0; a < 3; ++a) entries_[b][a] = Sum(o.entries_[b][a], entries_[b][a], o.Count(a, b));
+    for (int a = 0; a < 3; ++a) {
+      for (uint32_t b = 0; b < bins; ++b) entries_[a][b] = Sum(o.entries_[a][b], entries_[a][b], o.Count(a, b));
     }
   }
-  int32_t Count(int axis, uint32_t bin) const { return IntN<8>(entries_[bin][axis])[7]; }
+  int32_t Count(int axis, uint32_t bin) const { return IntN<8>(entries_[axis][bin])[7]; }
   Box4 Box(int axis, uint32_t from, uint32_t to) const {
-    Entry e = entries_[from][axis];
-    for (uint32_t b = from + 1; b < to; ++b) e = Smaller<8>(entries_[b][axis], e);
+    Entry e = entries_[axis][from];
+    for (uint32_t b = from + 1; b < to; ++b) e = Smaller<8>(entries_[axis][b], e);
     return {__builtin_shufflevector(e, e, 0, 1, 2, 3), -__builtin_shufflevector(e, e, 4, 5, 6, 7)};
   }
 
@@ -94,7 +91,7 @@ class alignas(64) Bins {
   class Running {
    public:
     void Add(const Bins& bins, uint32_t bin) {
-      for (int a = 0; a < 3; ++a) box_[a] = Smaller<8>(bins.entries_[bin][a], box_[a]);
+      for (int a = 0; a < 3; ++a) box_[a] = Smaller<8>(bins.entries_[a][bin], box_[a]);
       counts_ += Int4{bins.Count(0, bin), bins.Count(1, bin), bins.Count(2, bin), 0};
     }
     /// Lane a: of the sum along axis a. NaN if there is none.
@@ -124,7 +121,7 @@ class alignas(64) Bins {
     return is_count ? Entry(IntN<8>(sum) + IntN<8>{0, 0, 0, 0, 0, 0, 0, count}) : Smaller<8>(box, sum);
   }
 
-  Entry entries_[kMaxBins][3];
+  Entry entries_[3][kMaxBins];
 };
 
 struct Split {
@@ -164,25 +161,36 @@ inline Split BestSplit(const Bins& bins, uint32_t count, const SahCosts& costs) 
   return best;
 }
 
-/// Bins a range and takes the cheapest plane; `axis` is -1 if no plane separates the centroids.
-inline Split FindSplit(const Record* records, const RecordRange& range, const Binning& binning,
-                       const SahCosts& costs) {
-  if (range.size() < kParallelRange) {
-    Bins bins(binning.bins);
-    bins.Add(&records[range.begin], range.size(), binning);
-    return BestSplit(bins, binning.bins, costs);
+/// Records to bins, every second one to bins of its own: what was just stored to a bin is not there to be loaded yet.
+inline Bins BinsOf(const Record* records, size_t n, const Binning& binning) {
+  constexpr size_t kApart = 128;  // fewer are sooner done than another set of bins
+  Bins bins(binning.bins);
+  size_t i = 0;
+  if (n >= kApart) {
+    Bins others(binning.bins);
+    for (; i + 1 < n; i += 2) bins.Add(records[i], binning), others.Add(records[i + 1], binning);
+    bins.Merge(others, binning.bins);
   }
-  const Bins bins = ParallelReduce(
-      Range<size_t>(range.begin, range.end, kParallelBlock), Bins(binning.bins),
-      [&](const auto& block, Bins sum) {
-        sum.Add(&records[block.begin()], block.size(), binning);
-        return sum;
-      },
-      [&](Bins a, const Bins& b) {
-        a.Merge(b, binning.bins);
-        return a;
-      });
-  return BestSplit(bins, binning.bins, costs);
+  for (; i < n; ++i) bins.Add(records[i], binning);
+  return bins;
+}
+
+/// The bins of each block (as ForBlocks cuts) of a long range.
+using BlockBins = HugeArray<Bins>;
+
+/// Bins a range and takes the cheapest plane; `axis` is -1 if no plane separates the centroids. Fills `blocks` if the
+/// range is long.
+inline Split FindSplit(const Record* records, const RecordRange& range, const Binning& binning,
+                       const SahCosts& costs, BlockBins& blocks) {
+  if (range.size() < kParallelRange)
+    return BestSplit(BinsOf(&records[range.begin], range.size(), binning), binning.bins, costs);
+  blocks = BlockBins(BlocksIn(range.size()));
+  ForBlocks(range.begin, range.end, [&](size_t begin, size_t end) {
+    blocks[(begin - range.begin) / kParallelBlock] = BinsOf(&records[begin], end - begin, binning);
+  });
+  Bins all(binning.bins);
+  for (size_t b = 0; b < blocks.size(); ++b) all.Merge(blocks[b], binning.bins);
+  return BestSplit(all, binning.bins, costs);
 }
 
 /// Splits a range in the middle of its records, however they stand.

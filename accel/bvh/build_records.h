@@ -80,12 +80,12 @@ void Both(size_t n, Left&& left, Right&& right) {
 }
 
 inline constexpr size_t kParallelBlock = size_t{1} << 13;
+inline size_t BlocksIn(size_t n) { return (n + kParallelBlock - 1) / kParallelBlock; }
 
 /// fn(begin, end) over blocks of kParallelBlock entries, in parallel.
 template <class Fn>
 void ForBlocks(size_t begin, size_t end, Fn&& fn) {
-  const size_t blocks = (end - begin + kParallelBlock - 1) / kParallelBlock;
-  ParallelFor(size_t{0}, blocks, [&](size_t b) {
+  ParallelFor(size_t{0}, BlocksIn(end - begin), [&](size_t b) {
     const size_t first = begin + b * kParallelBlock;
     fn(first, std::min(first + kParallelBlock, end));
   });

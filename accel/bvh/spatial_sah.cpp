@@ -145,7 +145,8 @@ class SpatialBuilder {
     Split object;
     SpatialSplit spatial;
     if (n > 1 && depth < kSahDepth) {
-      object = FindSplit(&references_[0], range, binning, costs_);
+      BlockBins blocks;
+      object = FindSplit(&references_[0], range, binning, costs_, blocks);
       if (limit > range.end && (object.axis < 0 || Overlap(object) > kOverlap * root_area_))
         spatial = FindSpatial(range, limit - range.end, slices);
     }
