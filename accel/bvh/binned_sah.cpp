@@ -6,6 +6,7 @@
 
 #include "accel/bvh/binning.h"
 #include "accel/bvh/build_records.h"
+#include "accel/bvh/node_store.h"
 
 namespace raybench {
 namespace {
@@ -13,14 +14,17 @@ namespace {
 class Builder {
  public:
   Builder(const rb_geometry& geometry, const BinnedSahOptions& options, const volatile int* cancel)
-      : options_(options), cancel_(cancel) {
+      : options_(options), cancel_(cancel), store_(PrimCount(geometry)) {
     const size_t n = PrimCount(geometry);
-    tree_.nodes = HugeArray<BuildNode>(2 * n);
     tree_.order = HugeArray<uint32_t>(n);
-    HugeArray<Record> records(n), other;
-    if (n >= kParallelRange) other = HugeArray<Record>(n);
-    const RecordRange all = MakeRecords(geometry, options.padded, records);
-    Recurse(all, {records.data(), other.data()}, 0, 0);
+    NodeStore::Subtree all;
+    {
+      HugeArray<Record> records(n), other;
+      if (n >= kParallelRange) other = HugeArray<Record>(n);
+      const RecordRange range = MakeRecords(geometry, options.padded, records);
+      all = Build({range, {records.data(), other.data()}, 0});
+    }
+    tree_.nodes = store_.Take(all);
   }
   BinaryTree Take() { return std::move(tree_); }
 
@@ -29,40 +33,70 @@ class Builder {
   struct Arrays {
     Record *records, *other;
   };
+  struct Work {
+    RecordRange range;
+    Arrays in;
+    uint32_t depth;
+  };
 
-  void Recurse(const RecordRange& range, const Arrays& in, uint32_t slot, uint32_t depth) {
+  NodeStore::Subtree Build(const Work& work) {
+    const size_t n = work.range.size();
+    if (n < kTaskRange) {
+      NodeList nodes(n);
+      BuildSmall(work, nodes);
+      return store_.Put(nodes.nodes());
+    }
+    CheckCancel(cancel_);
+    BuildNode node;
+    Work left, right;
+    if (!Divide(work, node, left, right)) return store_.Put({&node, 1});
+    NodeStore::Subtree lefts, rights;
+    ParallelInvoke([&] { lefts = Build(left); }, [&] { rights = Build(right); });
+    return store_.Join(node, lefts, rights);
+  }
+
+  void BuildSmall(const Work& work, NodeList& nodes) {
+    const uint32_t node = nodes.Add();
+    Work left, right;
+    if (!Divide(work, nodes[node], left, right)) return;
+    BuildSmall(left, nodes);
+    nodes.SetRight(node);
+    BuildSmall(right, nodes);
+  }
+
+  /// False if that is a leaf.
+  bool Divide(const Work& work, BuildNode& node, Work& left, Work& right) {
+    const RecordRange& range = work.range;
+    const Arrays& in = work.in;
     const size_t n = range.size();
-    if (n >= kTaskRange) CheckCancel(cancel_);
-    SetBounds(tree_.nodes[slot], range.box);
-    if (n == 1 || options_.costs.NeverPays(n)) return Leaf(range, in.records, slot);
+    SetBounds(node, range.box);
+    if (n == 1 || options_.costs.NeverPays(n)) return Leaf(work, node);
 
     const Binning binning(range.centroids, std::min(options_.bins, uint32_t(4 + n / 4)));
     BlockBins blocks;
     Split split;
-    if (depth < kSahDepth) split = FindSplit(in.records, range, binning, options_.costs, blocks);
+    if (work.depth < kSahDepth) split = FindSplit(in.records, range, binning, options_.costs, blocks);
     if (n <= options_.costs.leaf_size && !options_.costs.Pays(split.cost, n, range.box.HalfArea()))
-      return Leaf(range, in.records, slot);
+      return Leaf(work, node);
 
-    RecordRange left{range.begin, range.begin, split.left}, right{range.end, range.end, split.right};
-    Arrays out = in;
+    left = {{range.begin, range.begin, split.left}, in, work.depth + 1};
+    right = {{range.end, range.end, split.right}, in, work.depth + 1};
     if (split.axis < 0) {
-      Halve(in.records, range, left, right);
+      Halve(in.records, range, left.range, right.range);
     } else if (n >= kParallelRange) {
-      PartitionInParallel(range, in, binning, split, blocks, left, right);
-      std::swap(out.records, out.other);
+      PartitionInParallel(range, in, binning, split, blocks, left.range, right.range);
+      left.in = right.in = {in.other, in.records};
     } else {
-      Partition(range, in.records, binning, split, left, right);
+      Partition(range, in.records, binning, split, left.range, right.range);
     }
-    blocks = {};
-    const uint32_t right_slot = SetInner(tree_.nodes[slot], slot, left.size());
-    Both(
-        n, [&] { Recurse(left, out, slot + 1, depth + 1); },
-        [&] { Recurse(right, out, right_slot, depth + 1); });
+    node.first = node.count = 0;
+    return true;
   }
 
-  void Leaf(const RecordRange& range, const Record* records, uint32_t slot) {
-    SetLeaf(tree_.nodes[slot], range.begin, range.size());
-    for (size_t i = range.begin; i < range.end; ++i) tree_.order[i] = records[i].id();
+  bool Leaf(const Work& work, BuildNode& node) {
+    SetLeaf(node, work.range.begin, work.range.size());
+    for (size_t i = work.range.begin; i < work.range.end; ++i) tree_.order[i] = work.in.records[i].id();
+    return false;
   }
 
   /// Both sides' centroids, collected without a branch: which side a record goes to is anybody's guess.
@@ -145,6 +179,7 @@ class Builder {
 
   BinnedSahOptions options_;
   const volatile int* cancel_;
+  NodeStore store_;
   BinaryTree tree_;
 };
 
@@ -156,8 +191,8 @@ BinaryTree BuildBinnedSah(const rb_geometry& geometry, const BinnedSahOptions& o
 }
 
 uint64_t BinnedSahPeakBytes(uint64_t prims) {
-  return prims * (2 * sizeof(Record) + 2 * sizeof(BuildNode) + sizeof(uint32_t)) +
-         BlocksIn(prims) * sizeof(Bins);
+  const uint64_t records = 2 * prims * sizeof(Record) + BlocksIn(prims) * sizeof(Bins);
+  return NodeStore::Bytes(prims) + std::max(records, NodeStore::Bytes(prims)) + prims * sizeof(uint32_t);
 }
 
 }  // namespace raybench

@@ -46,7 +46,7 @@ struct alignas(16) Record {
 };
 
 struct RecordRange {
-  size_t begin, end;
+  size_t begin = 0, end = 0;
   Box4 box = Box4::Empty(), centroids = Box4::Empty();
 
   size_t size() const { return end - begin; }
