@@ -14,17 +14,20 @@ namespace {
 class Builder {
  public:
   Builder(const rb_geometry& geometry, const BinnedSahOptions& options, const volatile int* cancel)
-      : options_(options), cancel_(cancel), store_(PrimCount(geometry)) {
+      : options_(options) {
     const size_t n = PrimCount(geometry);
     tree_.order = HugeArray<uint32_t>(n);
+    NodeStore store(n);
     NodeStore::Subtree all;
     {
       HugeArray<Record> records(n), other;
       if (n >= kParallelRange) other = HugeArray<Record>(n);
       const RecordRange range = MakeRecords(geometry, options.padded, records);
-      all = Build({range, {records.data(), other.data()}, 0});
+      all = BuildDown(
+          Work{range, {records.data(), other.data()}, 0}, [this](auto&&... of) { return Divide(of...); }, store,
+          cancel);
     }
-    tree_.nodes = store_.Take(all);
+    tree_.nodes = store.Take(all);
   }
   BinaryTree Take() { return std::move(tree_); }
 
@@ -37,34 +40,12 @@ class Builder {
     RecordRange range;
     Arrays in;
     uint32_t depth;
+
+    size_t size() const { return range.size(); }
+    size_t room() const { return size(); }
   };
 
-  NodeStore::Subtree Build(const Work& work) {
-    const size_t n = work.range.size();
-    if (n < kTaskRange) {
-      NodeList nodes(n);
-      BuildSmall(work, nodes);
-      return store_.Put(nodes.nodes());
-    }
-    CheckCancel(cancel_);
-    BuildNode node;
-    Work left, right;
-    if (!Divide(work, node, left, right)) return store_.Put({&node, 1});
-    NodeStore::Subtree lefts, rights;
-    ParallelInvoke([&] { lefts = Build(left); }, [&] { rights = Build(right); });
-    return store_.Join(node, lefts, rights);
-  }
-
-  void BuildSmall(const Work& work, NodeList& nodes) {
-    const uint32_t node = nodes.Add();
-    Work left, right;
-    if (!Divide(work, nodes[node], left, right)) return;
-    BuildSmall(left, nodes);
-    nodes.SetRight(node);
-    BuildSmall(right, nodes);
-  }
-
-  /// False if that is a leaf.
+  /// As BuildDown() wants it.
   bool Divide(const Work& work, BuildNode& node, Work& left, Work& right) {
     const RecordRange& range = work.range;
     const Arrays& in = work.in;
@@ -89,7 +70,6 @@ class Builder {
     } else {
       Partition(range, in.records, binning, split, left.range, right.range);
     }
-    node.first = node.count = 0;
     return true;
   }
 
@@ -178,8 +158,6 @@ class Builder {
   }
 
   BinnedSahOptions options_;
-  const volatile int* cancel_;
-  NodeStore store_;
   BinaryTree tree_;
 };
 

@@ -84,4 +84,35 @@ class NodeStore {
   std::atomic<uint32_t> used_{0};
 };
 
+/// Builds from the root down. `Work` describes a subtree: size() primitives now, room() at most when done.
+/// divide(work, node, left, right) either makes a leaf of the node and returns false; or gives it bounds, says what is to
+/// be done on both sides, and returns true. Small subtrees are built serially, others as tasks.
+template <class Work, class Divide>
+void BuildSmall(const Work& work, const Divide& divide, NodeList& nodes) {
+  const uint32_t node = nodes.Add();
+  Work left, right;
+  if (!divide(work, nodes[node], left, right)) return;
+  nodes[node].first = nodes[node].count = 0;
+  BuildSmall(left, divide, nodes);
+  nodes.SetRight(node);
+  BuildSmall(right, divide, nodes);
+}
+template <class Work, class Divide>
+NodeStore::Subtree BuildDown(const Work& work, const Divide& divide, NodeStore& store,
+                             const volatile int* cancel) {
+  if (work.size() < kTaskRange) {
+    NodeList nodes(work.room());
+    BuildSmall(work, divide, nodes);
+    return store.Put(nodes.nodes());
+  }
+  CheckCancel(cancel);
+  BuildNode node;
+  Work left, right;
+  if (!divide(work, node, left, right)) return store.Put({&node, 1});
+  NodeStore::Subtree lefts, rights;
+  ParallelInvoke([&] { lefts = BuildDown(left, divide, store, cancel); },
+                 [&] { rights = BuildDown(right, divide, store, cancel); });
+  return store.Join(node, lefts, rights);
+}
+
 }  // namespace raybench

@@ -2,6 +2,7 @@
 
 #include "accel/base/parallel.h"
 #include "accel/bvh/binning.h"
+#include "accel/bvh/node_store.h"
 
 namespace raybench {
 namespace {
@@ -28,15 +29,17 @@ class SpatialBuilder {
         costs_(options.costs),
         padded_(options.padded),
         bins_(options.bins),
-        cancel_(cancel),
         references_(SpatialSahCapacity(PrimCount(geometry), options.budget)),
         scratch_(references_.size()) {
     tree_.clipped = true;
-    tree_.nodes = HugeArray<BuildNode>(2 * references_.size());
     tree_.order = HugeArray<uint32_t>(references_.size());
     const RecordRange all = MakeRecords(geometry, padded_, references_);
     root_area_ = all.box.HalfArea();
-    Recurse(all, references_.size(), 0, 0);
+    NodeStore store(references_.size());
+    const NodeStore::Subtree nodes = BuildDown(
+        Work{all, references_.size(), 0}, [this](auto&&... of) { return Divide(of...); }, store, cancel);
+    references_ = {}, scratch_ = {};
+    tree_.nodes = store.Take(nodes);
   }
   BinaryTree Take() { return std::move(tree_); }
 
@@ -134,11 +137,19 @@ class SpatialBuilder {
     float per_unit_[3];
   };
 
-  /// `limit`: where the room of the range's subtree ends.
-  void Recurse(const RecordRange& range, size_t limit, uint32_t slot, uint32_t depth) {
+  struct Work {
+    RecordRange range;
+    size_t limit;  // where the room of the range's subtree ends
+    uint32_t depth;
+
+    size_t size() const { return range.size(); }
+    size_t room() const { return limit - range.begin; }
+  };
+
+  /// As BuildDown() wants it.
+  bool Divide(const Work& work, BuildNode& node, Work& left_work, Work& right_work) {
+    const auto& [range, limit, depth] = work;
     const size_t n = range.size();
-    if (n >= kTaskRange) CheckCancel(cancel_);
-    BuildNode& node = tree_.nodes[slot];
     SetBounds(node, range.box);
     const Binning binning(range.centroids, std::min(bins_, uint32_t(4 + n / 4)));
     const Slices slices(range.box, bins_);
@@ -154,7 +165,7 @@ class SpatialBuilder {
     if (n == 1 || (n <= costs_.leaf_size && !costs_.Pays(cost, n, range.box.HalfArea()))) {
       for (size_t i = range.begin; i < range.end; ++i) tree_.order[i] = references_[i].id();
       SetLeaf(node, range.begin, n);
-      return;
+      return false;
     }
 
     RecordRange left{range.begin, range.begin}, right{range.end, range.end};
@@ -168,10 +179,8 @@ class SpatialBuilder {
                 right.size() * sizeof(Record));
     right.end = left_limit + right.size();
     right.begin = left_limit;
-    const uint32_t right_slot = SetInner(node, slot, left_limit - range.begin);
-    Both(
-        n, [&] { Recurse(left, left_limit, slot + 1, depth + 1); },
-        [&] { Recurse(right, limit, right_slot, depth + 1); });
+    left_work = {left, left_limit, depth + 1}, right_work = {right, limit, depth + 1};
+    return true;
   }
 
   static float Overlap(const Split& split) {
@@ -421,7 +430,6 @@ class SpatialBuilder {
   SahCosts costs_;
   bool padded_;
   uint32_t bins_;
-  const volatile int* cancel_;
   HugeArray<Record> references_, scratch_;
   float root_area_ = 0;
   BinaryTree tree_;
@@ -435,7 +443,9 @@ BinaryTree BuildSpatialSah(const rb_geometry& geometry, const SpatialSahOptions&
 }
 
 uint64_t SpatialSahPeakBytes(uint64_t prims, double budget) {
-  return SpatialSahCapacity(prims, budget) * (2 * sizeof(Record) + 2 * sizeof(BuildNode) + sizeof(uint32_t));
+  const uint64_t most = SpatialSahCapacity(prims, budget);
+  return NodeStore::Bytes(most) + std::max(2 * most * sizeof(Record), NodeStore::Bytes(most)) +
+         most * sizeof(uint32_t);
 }
 
 }  // namespace raybench
