@@ -24,8 +24,8 @@ class Builder {
       if (n >= kParallelRange) other = HugeArray<Record>(n);
       const RecordRange range = MakeRecords(geometry, options.padded, records);
       all = BuildDown(
-          Work{range, {records.data(), other.data()}, 0}, [this](auto&&... of) { return Divide(of...); }, store,
-          cancel);
+          Work{range, {records.data(), other.data()}, 0}, [this](auto&&... of) { return Divide(of...); },
+          store, cancel);
     }
     tree_.nodes = store.Take(all);
   }
@@ -137,7 +137,8 @@ class Builder {
     size_t sum = 0;
     for (size_t b = 0; b < blocks.size(); ++b) {
       lefts[b] = sum;
-      for (uint32_t bin = 0; bin < uint32_t(split.bin); ++bin) sum += size_t(blocks[b].Count(split.axis, bin));
+      for (uint32_t bin = 0; bin < uint32_t(split.bin); ++bin)
+        sum += size_t(blocks[b].Count(split.axis, bin));
     }
     left.end = right.begin = range.begin + sum;
     std::vector<Sides> sides(blocks.size(), Sides(binning, split));

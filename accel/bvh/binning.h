@@ -77,7 +77,8 @@ class alignas(64) Bins {
   }
   void Merge(const Bins& o, uint32_t bins) {
     for (int a = 0; a < 3; ++a) {
-      for (uint32_t b = 0; b < bins; ++b) entries_[a][b] = Sum(o.entries_[a][b], entries_[a][b], o.Count(a, b));
+      for (uint32_t b = 0; b < bins; ++b)
+        entries_[a][b] = Sum(o.entries_[a][b], entries_[a][b], o.Count(a, b));
     }
   }
   int32_t Count(int axis, uint32_t bin) const { return IntN<8>(entries_[axis][bin])[7]; }

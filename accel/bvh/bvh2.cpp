@@ -9,7 +9,7 @@ namespace raybench {
 
 /// In depth-first order: a subtree, or the root alone of one that is too large to be laid out by one thread.
 struct Bvh2::Part {
-  uint32_t slot, end;     // its slots
+  uint32_t slot, end;  // its slots
   uint32_t depth;
   uint32_t parent, side;  // which part's root it is a child of
   bool is_whole;

@@ -40,7 +40,8 @@ uint64_t MortonGrid::Code(const Record& record) const {
 MortonOrder::MortonOrder(const HugeArray<Record>& records, const Box4& centroids) : items_(records.size()) {
   const MortonGrid grid(centroids);
   ForBlocks(0, items_.size(), [&](size_t begin, size_t end) {
-    for (size_t i = begin; i < end; ++i) items_[i] = {uint32_t(grid.Code(records[i]) >> kLowBits), uint32_t(i)};
+    for (size_t i = begin; i < end; ++i)
+      items_[i] = {uint32_t(grid.Code(records[i]) >> kLowBits), uint32_t(i)};
   });
   {
     HugeArray<Item> scratch(items_.size());
@@ -65,7 +66,8 @@ void MortonOrder::SortRuns(const HugeArray<Record>& records, const MortonGrid& g
   });
 }
 
-void MortonOrder::SortRun(size_t begin, size_t end, const HugeArray<Record>& records, const MortonGrid& grid) {
+void MortonOrder::SortRun(size_t begin, size_t end, const HugeArray<Record>& records,
+                          const MortonGrid& grid) {
   constexpr size_t kShort = 16, kAhead = 16;
   uint64_t few[kShort];
   std::vector<uint64_t> many(end - begin > kShort ? end - begin : 0);

@@ -27,8 +27,8 @@ class SweepBuilder {
     });
     records = {};
     NodeStore store(n);
-    const NodeStore::Subtree all =
-        BuildDown(Work{0, n, 0}, [this](auto&&... of) { return Divide(of...); }, store, cancel);
+    const NodeStore::Subtree all = BuildDown(
+        Work{0, n, 0}, [this](auto&&... of) { return Divide(of...); }, store, cancel);
     tree_.order = HugeArray<uint32_t>(n);
     ForBlocks(0, n, [&](size_t begin, size_t end) {
       for (size_t i = begin; i < end; ++i) tree_.order[i] = by_[0][i].id();
@@ -165,7 +165,8 @@ BinaryTree BuildSweepSah(const rb_geometry& geometry, const SahCosts& costs, boo
 
 uint64_t SweepSahPeakBytes(uint64_t prims) {
   const uint64_t records = prims * 3 * (2 * sizeof(Record) + sizeof(float));
-  return NodeStore::Bytes(prims) + std::max(records, NodeStore::Bytes(prims)) + prims * (sizeof(uint32_t) + 1);
+  return NodeStore::Bytes(prims) + std::max(records, NodeStore::Bytes(prims)) +
+         prims * (sizeof(uint32_t) + 1);
 }
 
 }  // namespace raybench

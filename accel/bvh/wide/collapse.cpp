@@ -67,7 +67,8 @@ class Collapser {
       return;
     }
     Solution l, r;
-    Both(subtree.size() / 2, [&] { Solve(Left(subtree), l); }, [&] { Solve(Right(subtree), r); });
+    Both(
+        subtree.size() / 2, [&] { Solve(Left(subtree), l); }, [&] { Solve(Right(subtree), r); });
     Choice& choice = choices_[subtree.slot];
     s.count = choice.count = l.count + r.count;
     s.most = std::min(kWidth, l.most + r.most);
@@ -249,10 +250,12 @@ class Collapser {
     out_.begin.back() = places.back().child;
     ParallelFor(size_t{0}, parts.size(), [&](size_t i) {
       const WideTopology& from = parts[i].topology;
-      for (size_t n = 0; n < from.begin.size(); ++n) out_.begin[places[i].node + n] = places[i].child + from.begin[n];
+      for (size_t n = 0; n < from.begin.size(); ++n)
+        out_.begin[places[i].node + n] = places[i].child + from.begin[n];
       for (size_t c = 0; c < from.children.size(); ++c) {
         WideTopology::Child child = from.children[c];
-        if (child.count == 0) child.first = parts[i].is_whole ? places[i].node + child.first : places[child.first].node;
+        if (child.count == 0)
+          child.first = parts[i].is_whole ? places[i].node + child.first : places[child.first].node;
         out_.children[places[i].child + c] = child;
       }
     });
