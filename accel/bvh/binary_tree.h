@@ -26,6 +26,8 @@ struct SahCosts {
   bool Pays(float below, size_t prims, float area) const {
     return below + traversal * area < Blocks(prims) * area;
   }
+  /// Whether it certainly does not, whatever its children cost.
+  bool NeverPays(size_t prims) const { return prims <= leaf_size && Blocks(prims) <= traversal; }
 };
 
 /// Deepest level at which SAH decides: deeper trees come from coincident primitives, and do not pay.

@@ -1,12 +1,12 @@
 #include "accel/bvh/binned_sah.h"
 
 #include <algorithm>
-#include <cstring>
 #include <utility>
 #include <vector>
 
 #include "accel/bvh/binning.h"
 #include "accel/bvh/build_records.h"
+#include "accel/bvh/node_store.h"
 
 namespace raybench {
 namespace {
@@ -14,132 +14,151 @@ namespace {
 class Builder {
  public:
   Builder(const rb_geometry& geometry, const BinnedSahOptions& options, const volatile int* cancel)
-      : options_(options), cancel_(cancel), records_(PrimCount(geometry)) {
-    if (records_.size() >= kParallelRange) scratch_ = HugeArray<Record>(records_.size());
-    tree_.nodes = HugeArray<BuildNode>(2 * records_.size());
-    Recurse(MakeRecords(geometry, options.padded, records_), 0, 0);
-    tree_.order = HugeArray<uint32_t>(records_.size());
-    ForBlocks(0, records_.size(), [&](size_t begin, size_t end) {
-      for (size_t i = begin; i < end; ++i) tree_.order[i] = records_[i].id();
-    });
+      : options_(options) {
+    const size_t n = PrimCount(geometry);
+    tree_.order = HugeArray<uint32_t>(n);
+    NodeStore store(n);
+    NodeStore::Subtree all;
+    {
+      HugeArray<Record> records(n), other;
+      if (n >= kParallelRange) other = HugeArray<Record>(n);
+      const RecordRange range = MakeRecords(geometry, options.padded, records);
+      all = BuildDown(
+          Work{range, {records.data(), other.data()}, 0}, [this](auto&&... of) { return Divide(of...); },
+          store, cancel);
+    }
+    tree_.nodes = store.Take(all);
   }
   BinaryTree Take() { return std::move(tree_); }
 
  private:
-  void Recurse(const RecordRange& range, uint32_t slot, uint32_t depth) {
+  /// Where records stand, and room for them that long ranges are partitioned to.
+  struct Arrays {
+    Record *records, *other;
+  };
+  struct Work {
+    RecordRange range;
+    Arrays in;
+    uint32_t depth;
+
+    size_t size() const { return range.size(); }
+    size_t room() const { return size(); }
+  };
+
+  /// As BuildDown() wants it.
+  bool Divide(const Work& work, BuildNode& node, Work& left, Work& right) {
+    const RecordRange& range = work.range;
+    const Arrays& in = work.in;
     const size_t n = range.size();
-    if (n >= kTaskRange) CheckCancel(cancel_);
-    BuildNode& node = tree_.nodes[slot];
     SetBounds(node, range.box);
+    if (n == 1 || options_.costs.NeverPays(n)) return Leaf(work, node);
 
     const Binning binning(range.centroids, std::min(options_.bins, uint32_t(4 + n / 4)));
+    BlockBins blocks;
     Split split;
-    if (n > 1 && depth < kSahDepth) split = FindSplit(&records_[0], range, binning, options_.costs);
-    if (n == 1 ||
-        (n <= options_.costs.leaf_size && !options_.costs.Pays(split.cost, n, range.box.HalfArea()))) {
-      SetLeaf(node, range.begin, n);
-      return;
-    }
+    if (work.depth < kSahDepth) split = FindSplit(in.records, range, binning, options_.costs, blocks);
+    if (n <= options_.costs.leaf_size && !options_.costs.Pays(split.cost, n, range.box.HalfArea()))
+      return Leaf(work, node);
 
-    RecordRange left{range.begin, range.begin}, right{range.end, range.end};
+    left = {{range.begin, range.begin, split.left}, in, work.depth + 1};
+    right = {{range.end, range.end, split.right}, in, work.depth + 1};
     if (split.axis < 0) {
-      Halve(&records_[0], range, left, right);
+      Halve(in.records, range, left.range, right.range);
     } else if (n >= kParallelRange) {
-      PartitionInParallel(range, binning, split, left, right);
+      PartitionInParallel(range, in, binning, split, blocks, left.range, right.range);
+      left.in = right.in = {in.other, in.records};
     } else {
-      Partition(range, binning, split, left, right);
+      Partition(range, in.records, binning, split, left.range, right.range);
     }
-    const uint32_t right_slot = SetInner(node, slot, left.size());
-    Both(
-        n, [&] { Recurse(left, slot + 1, depth + 1); }, [&] { Recurse(right, right_slot, depth + 1); });
+    return true;
+  }
+
+  bool Leaf(const Work& work, BuildNode& node) {
+    SetLeaf(node, work.range.begin, work.range.size());
+    for (size_t i = work.range.begin; i < work.range.end; ++i) tree_.order[i] = work.in.records[i].id();
+    return false;
   }
 
   /// Both sides' centroids, collected without a branch: which side a record goes to is anybody's guess.
   class Sides {
+    using Corners = FloatN<8>;  // a box as lo and -hi
+
    public:
     Sides(const Binning& binning, const Split& split)
         : axis_(split.axis), bin_(split.bin), origin_(binning.origin[axis_]), scale_(binning.scale[axis_]) {}
 
     bool Add(const Record& r) {
+      const bool is_left = IsLeft(r);
       const Float4 c = r.Centroid2();
-      const bool is_left = int32_t((c[axis_] - origin_) * scale_) < bin_;  // as Binning::Of
-      const int32_t lanes = -int32_t(is_left);
-      const Int4 mask{lanes, lanes, lanes, lanes};
-      const Box4 none = Box4::Empty();
-      left_.lo = MinOrSecond(mask ? c : none.lo, left_.lo);
-      left_.hi = MaxOrSecond(mask ? c : none.hi, left_.hi);
-      right_.lo = MinOrSecond(mask ? none.lo : c, right_.lo);
-      right_.hi = MaxOrSecond(mask ? none.hi : c, right_.hi);
+      const Corners corners = __builtin_shufflevector(c, -c, 0, 1, 2, 3, 4, 5, 6, 7),
+                    none = Splat<Corners>(std::numeric_limits<float>::infinity());
+      const IntN<8> mask = Splat<IntN<8>>(-int32_t(is_left));
+      left_ = Smaller<8>(mask ? corners : none, left_);
+      right_ = Smaller<8>(mask ? none : corners, right_);
       return is_left;
     }
-    bool IsLeft(const Record& r) const { return int32_t((r.Centroid2()[axis_] - origin_) * scale_) < bin_; }
+    bool IsLeft(const Record& r) const {
+      // As Binning::Of.
+      return int32_t((r.Centroid2()[axis_] - origin_) * scale_) < bin_;
+    }
     void Into(RecordRange& left, RecordRange& right) const {
-      left.centroids.Extend(left_);
-      right.centroids.Extend(right_);
+      left.centroids.Extend(BoxOf(left_));
+      right.centroids.Extend(BoxOf(right_));
     }
 
    private:
+    static Box4 BoxOf(Corners c) {
+      return {__builtin_shufflevector(c, c, 0, 1, 2, 3), -__builtin_shufflevector(c, c, 4, 5, 6, 7)};
+    }
     int axis_, bin_;
     float origin_, scale_;
-    Box4 left_ = Box4::Empty(), right_ = Box4::Empty();
+    Corners left_ = Splat<Corners>(std::numeric_limits<float>::infinity()), right_ = left_;
   };
 
-  void Partition(const RecordRange& range, const Binning& binning, const Split& split, RecordRange& left,
-                 RecordRange& right) {
+  static void Partition(const RecordRange& range, Record* records, const Binning& binning, const Split& split,
+                        RecordRange& left, RecordRange& right) {
     Sides sides(binning, split);
     size_t l = range.begin;
     for (size_t i = range.begin; i < range.end; ++i) {
-      const Record r = records_[i];
-      records_[i] = records_[l];
-      records_[l] = r;
+      const Record r = records[i];
+      records[i] = records[l];
+      records[l] = r;
       l += sides.Add(r);
     }
     left.end = right.begin = l;
-    left.box = split.left;
-    right.box = split.right;
     sides.Into(left, right);
   }
 
-  /// Stable: each block counts its left side, then all blocks move their records to where they belong.
-  void PartitionInParallel(const RecordRange& range, const Binning& binning, const Split& split,
-                           RecordRange& left, RecordRange& right) {
-    const Sides empty(binning, split);
-    std::vector<Sides> sides((range.size() + kParallelBlock - 1) / kParallelBlock, empty);
-    std::vector<size_t> starts(sides.size());  // how many go left: in the block, then before it
+  /// Stable: bins tell how many of a block go left, so each block moves its records to where they belong.
+  static void PartitionInParallel(const RecordRange& range, const Arrays& in, const Binning& binning,
+                                  const Split& split, const BlockBins& blocks, RecordRange& left,
+                                  RecordRange& right) {
+    std::vector<size_t> lefts(blocks.size());  // before each block
+    size_t sum = 0;
+    for (size_t b = 0; b < blocks.size(); ++b) {
+      lefts[b] = sum;
+      for (uint32_t bin = 0; bin < uint32_t(split.bin); ++bin)
+        sum += size_t(blocks[b].Count(split.axis, bin));
+    }
+    left.end = right.begin = range.begin + sum;
+    std::vector<Sides> sides(blocks.size(), Sides(binning, split));
     ForBlocks(range.begin, range.end, [&](size_t begin, size_t end) {
       const size_t block = (begin - range.begin) / kParallelBlock;
-      Sides own = empty;
-      size_t lefts = 0;
-      for (size_t i = begin; i < end; ++i) lefts += own.Add(records_[i]);
-      sides[block] = own;
-      starts[block] = lefts;
-    });
-    size_t lefts = 0;
-    for (size_t block = 0; block < sides.size(); ++block) {
-      lefts += std::exchange(starts[block], lefts);
-      sides[block].Into(left, right);
-    }
-    left.end = right.begin = range.begin + lefts;
-    left.box = split.left;
-    right.box = split.right;
-    ForBlocks(range.begin, range.end, [&](size_t begin, size_t end) {
-      size_t l = range.begin + starts[(begin - range.begin) / kParallelBlock];
-      size_t r = right.begin + (begin - l);
+      Sides own = sides[block];
+      size_t l = range.begin + lefts[block], r = right.begin + (begin - l);
       for (size_t i = begin; i < end; ++i) {
-        const bool is_left = empty.IsLeft(records_[i]);
-        scratch_[is_left ? l : r] = records_[i];
+        const Record record = in.records[i];
+        const bool is_left = own.Add(record);
+        in.other[is_left ? l : r] = record;
         l += is_left;
         r += !is_left;
       }
+      sides[block] = own;
     });
-    ForBlocks(range.begin, range.end, [&](size_t begin, size_t end) {
-      std::memcpy(static_cast<void*>(&records_[begin]), &scratch_[begin], (end - begin) * sizeof(Record));
-    });
+    for (const Sides& own : sides) own.Into(left, right);
   }
 
   BinnedSahOptions options_;
-  const volatile int* cancel_;
-  HugeArray<Record> records_, scratch_;
   BinaryTree tree_;
 };
 
@@ -151,7 +170,8 @@ BinaryTree BuildBinnedSah(const rb_geometry& geometry, const BinnedSahOptions& o
 }
 
 uint64_t BinnedSahPeakBytes(uint64_t prims) {
-  return prims * (2 * sizeof(Record) + 2 * sizeof(BuildNode) + sizeof(uint32_t));
+  const uint64_t records = 2 * prims * sizeof(Record) + BlocksIn(prims) * sizeof(Bins);
+  return NodeStore::Bytes(prims) + std::max(records, NodeStore::Bytes(prims)) + prims * sizeof(uint32_t);
 }
 
 }  // namespace raybench

@@ -8,8 +8,8 @@
 #include <utility>
 
 #include "accel/base/huge_array.h"
+#include "accel/base/lanes.h"
 #include "accel/base/parallel.h"
-#include "accel/base/simd.h"
 #include "accel/bvh/binary_tree.h"
 #include "accel/contract/cancel.h"
 #include "accel/contract/structure.h"
@@ -24,8 +24,8 @@ struct Box4 {
     constexpr float kInf = std::numeric_limits<float>::infinity();
     return {Splat<Float4>(kInf), Splat<Float4>(-kInf)};
   }
-  void Extend(Float4 p) { lo = MinOrSecond(p, lo), hi = MaxOrSecond(p, hi); }
-  void Extend(const Box4& b) { lo = MinOrSecond(b.lo, lo), hi = MaxOrSecond(b.hi, hi); }
+  void Extend(Float4 p) { lo = Smaller<4>(p, lo), hi = Larger<4>(p, hi); }
+  void Extend(const Box4& b) { lo = Smaller<4>(b.lo, lo), hi = Larger<4>(b.hi, hi); }
   float HalfArea() const {
     const Float4 e = hi - lo;
     return e[0] * e[1] + e[1] * e[2] + e[2] * e[0];
@@ -46,7 +46,7 @@ struct alignas(16) Record {
 };
 
 struct RecordRange {
-  size_t begin, end;
+  size_t begin = 0, end = 0;
   Box4 box = Box4::Empty(), centroids = Box4::Empty();
 
   size_t size() const { return end - begin; }
@@ -80,12 +80,12 @@ void Both(size_t n, Left&& left, Right&& right) {
 }
 
 inline constexpr size_t kParallelBlock = size_t{1} << 13;
+inline size_t BlocksIn(size_t n) { return (n + kParallelBlock - 1) / kParallelBlock; }
 
 /// fn(begin, end) over blocks of kParallelBlock entries, in parallel.
 template <class Fn>
 void ForBlocks(size_t begin, size_t end, Fn&& fn) {
-  const size_t blocks = (end - begin + kParallelBlock - 1) / kParallelBlock;
-  ParallelFor(size_t{0}, blocks, [&](size_t b) {
+  ParallelFor(size_t{0}, BlocksIn(end - begin), [&](size_t b) {
     const size_t first = begin + b * kParallelBlock;
     fn(first, std::min(first + kParallelBlock, end));
   });

@@ -14,6 +14,8 @@
 // answer is that of `brute`.
 #pragma once
 
+#include <vector>
+
 #include "accel/base/huge_array.h"
 #include "accel/bvh/binary_tree.h"
 #include "accel/contract/counting.h"
@@ -63,6 +65,11 @@ class Bvh2 {
     uint32_t child[2], unused[2];
   };
   static_assert(sizeof(Node) == 64);
+
+  struct Part;
+  static std::vector<Part> Divide(const BinaryTree& tree);
+  static void Count(const BinaryTree& tree, Part& part);
+  void LayOut(const BinaryTree& tree, const std::vector<Part>& parts, const Part& part);
 
   /// Where a child lies: asked for when it is pushed, since large trees are bound by memory.
   const void* Address(uint32_t ref) const {

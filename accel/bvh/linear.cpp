@@ -1,6 +1,7 @@
 #include "accel/bvh/linear.h"
 
 #include "accel/bvh/morton.h"
+#include "accel/bvh/node_store.h"
 
 namespace raybench {
 namespace {
@@ -11,10 +12,12 @@ class MortonBuilder {
       : costs_(costs), cancel_(cancel), records_(PrimCount(geometry)) {
     const size_t n = records_.size();
     const RecordRange all = MakeRecords(geometry, padded, records_);
-    items_ = SortByMorton(records_, all.centroids);
-    tree_.nodes = HugeArray<BuildNode>(2 * n);
+    order_ = MortonOrder(records_, all.centroids);
     tree_.order = HugeArray<uint32_t>(n);
-    Build(0, n, 0);
+    NodeStore store(n);
+    const Large whole = Build(0, n, store);
+    records_ = {}, order_ = {};
+    tree_.nodes = store.Take(whole.nodes);
   }
   BinaryTree Take() { return std::move(tree_); }
 
@@ -26,58 +29,75 @@ class MortonBuilder {
     Box4 box;
     float cost;  // times area
   };
+  struct Large {
+    Subtree sum;
+    NodeStore::Subtree nodes;
+  };
 
-  Subtree Build(size_t begin, size_t end, uint32_t slot) {
+  Large Build(size_t begin, size_t end, NodeStore& store) {
     const size_t n = end - begin;
-    BuildNode& node = tree_.nodes[slot];
-    // Splitting costs at least an inner node.
-    if (n == 1 || (n <= costs_.leaf_size && costs_.Blocks(n) <= costs_.traversal))
-      return Leaf(begin, n, node);
-    if (n >= kTaskRange) CheckCancel(cancel_);
-    const size_t middle = Cut(begin, end);
-    const uint32_t right_slot = SetInner(node, slot, middle - begin);
-    Subtree left, right;
-    Both(
-        n, [&] { left = Build(begin, middle, slot + 1); }, [&] { right = Build(middle, end, right_slot); });
+    if (n < kTaskRange) {
+      NodeList nodes(n);
+      const Subtree sum = BuildSmall(begin, end, nodes);
+      return {sum, store.Put(nodes.nodes())};
+    }
+    static_assert(kTaskRange > 256);  // hence larger than a leaf
+    CheckCancel(cancel_);
+    const size_t middle = Middle(begin, end);
+    Large left, right;
+    ParallelInvoke([&] { left = Build(begin, middle, store); }, [&] { right = Build(middle, end, store); });
+    const Subtree sum = Above(left.sum, right.sum);
+    BuildNode node;
+    SetBounds(node, sum.box);
+    return {sum, store.Join(node, left.nodes, right.nodes)};
+  }
+
+  Subtree BuildSmall(size_t begin, size_t end, NodeList& nodes) {
+    const size_t n = end - begin;
+    const uint32_t node = nodes.Add();
+    if (n == 1 || costs_.NeverPays(n)) return Leaf(begin, n, nodes[node]);
+    const size_t middle = Middle(begin, end);
+    const Subtree left = BuildSmall(begin, middle, nodes);
+    nodes.SetRight(node);
+    const Subtree right = BuildSmall(middle, end, nodes), sum = Above(left, right);
+    const float area = sum.box.HalfArea();
+    SetBounds(nodes[node], sum.box);
+    nodes[node].first = nodes[node].count = 0;
+    if (n > costs_.leaf_size || costs_.Pays(left.cost + right.cost, n, area)) return sum;
+    nodes.CutBehind(node);
+    SetLeaf(nodes[node], begin, n);
+    return {sum.box, costs_.Blocks(n) * area};
+  }
+
+  Subtree Above(const Subtree& left, const Subtree& right) const {
     Box4 box = left.box;
     box.Extend(right.box);
-    SetBounds(node, box);
-    const float area = box.HalfArea(), below = left.cost + right.cost;
-    if (n > costs_.leaf_size || costs_.Pays(below, n, area)) return {box, below + costs_.traversal * area};
-    SetLeaf(node, begin, n);
-    return {box, costs_.Blocks(n) * area};
+    return {box, left.cost + right.cost + costs_.traversal * box.HalfArea()};
   }
 
   Subtree Leaf(size_t first, size_t n, BuildNode& node) {
     Box4 box = Box4::Empty();
     for (size_t i = first; i < first + n; ++i) {
       // Leaves come in Morton order, their records stand anywhere.
-      __builtin_prefetch(&records_[items_[std::min(i + kAhead, items_.size() - 1)].prim]);
-      tree_.order[i] = items_[i].prim;
-      const Record& record = records_[items_[i].prim];
+      __builtin_prefetch(&records_[order_.prim(std::min(i + kAhead, order_.size() - 1))]);
+      tree_.order[i] = order_.prim(i);
+      const Record& record = records_[order_.prim(i)];
       box.Extend({record.lo, record.hi});
     }
     SetBounds(node, box), SetLeaf(node, first, n);
     return {box, costs_.Blocks(n) * box.HalfArea()};
   }
 
-  /// Where the highest bit that changes within the range does.
-  size_t Cut(size_t begin, size_t end) const {
-    const uint64_t changes = items_[begin].code ^ items_[end - 1].code;
-    if (changes == 0) return begin + (end - begin) / 2;
-    const uint64_t bit = uint64_t{1} << (63 - __builtin_clzll(changes));
-    size_t zeros = begin, ones = end - 1;  // the bit is 0 at `zeros`, 1 at `ones`
-    while (ones - zeros > 1) {
-      const size_t middle = zeros + (ones - zeros) / 2;
-      ((items_[middle].code & bit) == 0 ? zeros : ones) = middle;
-    }
-    return ones;
+  /// Centres in one cell are halved.
+  size_t Middle(size_t begin, size_t end) const {
+    const size_t cut = order_.Cut(begin, end);
+    return cut > begin ? cut : begin + (end - begin) / 2;
   }
 
   SahCosts costs_;
   const volatile int* cancel_;
   HugeArray<Record> records_;
-  HugeArray<MortonItem> items_;
+  MortonOrder order_;
   BinaryTree tree_;
 };
 
@@ -89,7 +109,8 @@ BinaryTree BuildLinear(const rb_geometry& geometry, const SahCosts& costs, bool 
 }
 
 uint64_t LinearPeakBytes(uint64_t prims) {
-  return prims * (sizeof(Record) + kMortonBytesPerPrim + 2 * sizeof(BuildNode) + sizeof(uint32_t));
+  const uint64_t records = prims * (sizeof(Record) + MortonOrder::kBytesPerPrim);
+  return NodeStore::Bytes(prims) + std::max(records, NodeStore::Bytes(prims)) + prims * sizeof(uint32_t);
 }
 
 }  // namespace raybench

@@ -1,5 +1,7 @@
 #include "accel/bvh/morton.h"
 
+#include <vector>
+
 #include "accel/base/parallel.h"
 #include "accel/base/radix_sort.h"
 
@@ -8,46 +10,99 @@ namespace {
 
 /// Puts two zero bits above each of the lowest 21 bits.
 uint64_t Spread(uint64_t x) {
+#if defined(__BMI2__)
+  return _pdep_u64(x, 0x1249249249249249ull);
+#else
   x = (x | x << 32) & 0x1F00000000FFFFull;
   x = (x | x << 16) & 0x1F0000FF0000FFull;
   x = (x | x << 8) & 0x100F00F00F00F00Full;
   x = (x | x << 4) & 0x10C30C30C30C30C3ull;
   return (x | x << 2) & 0x1249249249249249ull;
+#endif
 }
+
+constexpr float kCells = 0x1p21f;  // along an axis
 
 }  // namespace
 
-HugeArray<MortonItem> SortByMorton(const HugeArray<Record>& records, const Box4& centroids) {
+MortonGrid::MortonGrid(const Box4& centroids) : origin_(centroids.lo) {
   const Float4 e = centroids.hi - centroids.lo;
-  const float cells = 0x1p21f, extent = std::max(e[0], std::max(e[1], e[2]));
-  const float fit = cells / extent, scale = fit <= std::numeric_limits<float>::max() ? fit : 0;
-  HugeArray<MortonItem> items(records.size()), scratch(records.size());
-  ForBlocks(0, items.size(), [&](size_t begin, size_t end) {
-    for (size_t i = begin; i < end; ++i) {
-      const Float4 at = (records[i].Centroid2() - centroids.lo) * scale;
-      uint64_t code = 0;
-      for (int a = 0; a < 3; ++a) code |= Spread(uint64_t(std::min(at[a], cells - 1))) << (2 - a);
-      items[i] = {code, uint32_t(i)};
-    }
+  const float fit = kCells / std::max(e[0], std::max(e[1], e[2]));
+  scale_ = fit <= std::numeric_limits<float>::max() ? fit : 0;
+}
+
+uint64_t MortonGrid::Code(const Record& record) const {
+  const Float4 at = Smaller<4>((record.Centroid2() - origin_) * scale_, Splat<Float4>(kCells - 1));
+  const Int4 cell = __builtin_convertvector(at, Int4);
+  return Spread(uint32_t(cell[0])) << 2 | Spread(uint32_t(cell[1])) << 1 | Spread(uint32_t(cell[2]));
+}
+
+MortonOrder::MortonOrder(const HugeArray<Record>& records, const Box4& centroids) : items_(records.size()) {
+  const MortonGrid grid(centroids);
+  ForBlocks(0, items_.size(), [&](size_t begin, size_t end) {
+    for (size_t i = begin; i < end; ++i)
+      items_[i] = {uint32_t(grid.Code(records[i]) >> kLowBits), uint32_t(i)};
   });
-  // The high half puts nearly all in place; few items agree in it.
-  constexpr int kLowBits = 30;
-  auto high = [&](size_t i) { return items[i].code >> kLowBits; };
-  RadixSort(items, scratch, kMortonBits - kLowBits,
-            [](const MortonItem& item) { return item.code >> kLowBits; });
-  ForBlocks(0, items.size(), [&](size_t begin, size_t end) {
-    for (size_t i = begin; i < end;) {
+  {
+    HugeArray<Item> scratch(items_.size());
+    RadixSort(items_, scratch, kMortonBits - kLowBits, [](const Item& item) { return item.high; });
+  }
+  low_ = HugeArray<uint32_t>(items_.size());
+  SortRuns(records, grid);
+}
+
+void MortonOrder::SortRuns(const HugeArray<Record>& records, const MortonGrid& grid) {
+  const auto same = [&](size_t a, size_t b) { return items_[a].high == items_[b].high; };
+  ForBlocks(0, items_.size(), [&](size_t begin, size_t end) {
+    // A run belongs to the block in which it begins.
+    size_t i = begin;
+    while (i > 0 && i < end && same(i - 1, i)) ++i;
+    while (i < end) {
       size_t next = i + 1;
-      while (next < items.size() && high(next) == high(i)) ++next;
-      // A run belongs to the block in which it begins.
-      if (next > i + 1 && (i != begin || i == 0 || high(i - 1) != high(i)))
-        ParallelSort(&items[i], &items[i] + (next - i), [](const MortonItem& a, const MortonItem& b) {
-          return a.code != b.code ? a.code < b.code : a.prim < b.prim;
-        });
+      while (next < items_.size() && same(i, next)) ++next;
+      if (next > i + 1) SortRun(i, next, records, grid);
       i = next;
     }
   });
-  return items;
+}
+
+void MortonOrder::SortRun(size_t begin, size_t end, const HugeArray<Record>& records,
+                          const MortonGrid& grid) {
+  constexpr size_t kShort = 16, kAhead = 16;
+  uint64_t few[kShort];
+  std::vector<uint64_t> many(end - begin > kShort ? end - begin : 0);
+  uint64_t* const keys = many.empty() ? few : many.data();
+  for (size_t i = begin; i < end; ++i) {
+    __builtin_prefetch(&records[items_[std::min(i + kAhead, end - 1)].prim]);
+    const uint32_t prim = items_[i].prim;
+    const uint64_t low = grid.Code(records[prim]) & ((uint64_t{1} << kLowBits) - 1);
+    keys[i - begin] = low << 32 | prim;
+  }
+  if (many.empty()) {
+    std::sort(keys, keys + (end - begin));
+  } else {
+    ParallelSort(keys, keys + (end - begin));
+  }
+  for (size_t i = begin; i < end; ++i) {
+    items_[i].prim = uint32_t(keys[i - begin]);
+    low_[i] = uint32_t(keys[i - begin] >> 32);
+  }
+}
+
+size_t MortonOrder::Cut(size_t begin, size_t end) const {
+  const auto cut = [&](const auto& code) {
+    const uint32_t changes = code(begin) ^ code(end - 1);
+    if (changes == 0) return begin;
+    const uint32_t bit = uint32_t{1} << (31 - __builtin_clz(changes));
+    size_t zeros = begin, ones = end - 1;  // the bit is 0 at `zeros`, 1 at `ones`
+    while (ones - zeros > 1) {
+      const size_t middle = zeros + (ones - zeros) / 2;
+      ((code(middle) & bit) == 0 ? zeros : ones) = middle;
+    }
+    return ones;
+  };
+  const size_t ones = cut([&](size_t i) { return items_[i].high; });
+  return ones > begin || end - begin < 2 ? ones : cut([&](size_t i) { return low_[i]; });
 }
 
 }  // namespace raybench

@@ -6,17 +6,48 @@
 
 namespace raybench {
 
-struct MortonItem {
-  uint64_t code;  ///< 63 bits of the cell of the box's centre; cells are cubes
-  uint32_t prim;
-};
-
 inline constexpr int kMortonBits = 63;
 
-/// Sorted by (code, prim). `records`: as MakeRecords leaves them. Parallel, the same at any thread count.
-HugeArray<MortonItem> SortByMorton(const HugeArray<Record>& records, const Box4& centroids);
+/// Numbers the cells of space; cells are cubes.
+class MortonGrid {
+ public:
+  /// Around the centres, as MakeRecords finds them.
+  explicit MortonGrid(const Box4& centroids);
+  /// kMortonBits bits: of the cell of the box's centre.
+  uint64_t Code(const Record& record) const;
 
-/// Bytes it takes at its peak.
-inline constexpr uint64_t kMortonBytesPerPrim = 2 * sizeof(MortonItem);
+ private:
+  Float4 origin_;
+  float scale_;
+};
+
+/// Primitives along the curve.
+class MortonOrder {
+ public:
+  MortonOrder() = default;
+  /// `records`: as MakeRecords leaves them. Parallel, the same at any thread count.
+  MortonOrder(const HugeArray<Record>& records, const Box4& centroids);
+
+  size_t size() const { return items_.size(); }
+  /// Sorted by code, then by number.
+  uint32_t prim(size_t i) const { return items_[i].prim; }
+  /// Where the highest bit of the code that changes within [begin, end) does; `begin` if none does.
+  size_t Cut(size_t begin, size_t end) const;
+
+  /// Bytes it takes at its peak.
+  static constexpr uint64_t kBytesPerPrim = 2 * 2 * sizeof(uint32_t) + sizeof(uint32_t);
+
+ private:
+  /// The code's upper bits sort nearly all.
+  static constexpr int kLowBits = 31;
+  struct Item {
+    uint32_t high, prim;
+  };
+  void SortRuns(const HugeArray<Record>& records, const MortonGrid& grid);
+  void SortRun(size_t begin, size_t end, const HugeArray<Record>& records, const MortonGrid& grid);
+
+  HugeArray<Item> items_;
+  HugeArray<uint32_t> low_;  // the code's lower bits, where neighbours agree in the upper ones
+};
 
 }  // namespace raybench

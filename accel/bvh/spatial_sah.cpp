@@ -2,6 +2,7 @@
 
 #include "accel/base/parallel.h"
 #include "accel/bvh/binning.h"
+#include "accel/bvh/node_store.h"
 
 namespace raybench {
 namespace {
@@ -28,15 +29,17 @@ class SpatialBuilder {
         costs_(options.costs),
         padded_(options.padded),
         bins_(options.bins),
-        cancel_(cancel),
         references_(SpatialSahCapacity(PrimCount(geometry), options.budget)),
         scratch_(references_.size()) {
     tree_.clipped = true;
-    tree_.nodes = HugeArray<BuildNode>(2 * references_.size());
     tree_.order = HugeArray<uint32_t>(references_.size());
     const RecordRange all = MakeRecords(geometry, padded_, references_);
     root_area_ = all.box.HalfArea();
-    Recurse(all, references_.size(), 0, 0);
+    NodeStore store(references_.size());
+    const NodeStore::Subtree nodes = BuildDown(
+        Work{all, references_.size(), 0}, [this](auto&&... of) { return Divide(of...); }, store, cancel);
+    references_ = {}, scratch_ = {};
+    tree_.nodes = store.Take(nodes);
   }
   BinaryTree Take() { return std::move(tree_); }
 
@@ -134,18 +137,27 @@ class SpatialBuilder {
     float per_unit_[3];
   };
 
-  /// `limit`: where the room of the range's subtree ends.
-  void Recurse(const RecordRange& range, size_t limit, uint32_t slot, uint32_t depth) {
+  struct Work {
+    RecordRange range;
+    size_t limit;  // where the room of the range's subtree ends
+    uint32_t depth;
+
+    size_t size() const { return range.size(); }
+    size_t room() const { return limit - range.begin; }
+  };
+
+  /// As BuildDown() wants it.
+  bool Divide(const Work& work, BuildNode& node, Work& left_work, Work& right_work) {
+    const auto& [range, limit, depth] = work;
     const size_t n = range.size();
-    if (n >= kTaskRange) CheckCancel(cancel_);
-    BuildNode& node = tree_.nodes[slot];
     SetBounds(node, range.box);
     const Binning binning(range.centroids, std::min(bins_, uint32_t(4 + n / 4)));
     const Slices slices(range.box, bins_);
     Split object;
     SpatialSplit spatial;
     if (n > 1 && depth < kSahDepth) {
-      object = FindSplit(&references_[0], range, binning, costs_);
+      BlockBins blocks;
+      object = FindSplit(&references_[0], range, binning, costs_, blocks);
       if (limit > range.end && (object.axis < 0 || Overlap(object) > kOverlap * root_area_))
         spatial = FindSpatial(range, limit - range.end, slices);
     }
@@ -153,7 +165,7 @@ class SpatialBuilder {
     if (n == 1 || (n <= costs_.leaf_size && !costs_.Pays(cost, n, range.box.HalfArea()))) {
       for (size_t i = range.begin; i < range.end; ++i) tree_.order[i] = references_[i].id();
       SetLeaf(node, range.begin, n);
-      return;
+      return false;
     }
 
     RecordRange left{range.begin, range.begin}, right{range.end, range.end};
@@ -167,15 +179,13 @@ class SpatialBuilder {
                 right.size() * sizeof(Record));
     right.end = left_limit + right.size();
     right.begin = left_limit;
-    const uint32_t right_slot = SetInner(node, slot, left_limit - range.begin);
-    Both(
-        n, [&] { Recurse(left, left_limit, slot + 1, depth + 1); },
-        [&] { Recurse(right, limit, right_slot, depth + 1); });
+    left_work = {left, left_limit, depth + 1}, right_work = {right, limit, depth + 1};
+    return true;
   }
 
   static float Overlap(const Split& split) {
-    const Float4 lo = MaxOrSecond(split.left.lo, split.right.lo),
-                 hi = MinOrSecond(split.left.hi, split.right.hi);
+    const Float4 lo = Larger<4>(split.left.lo, split.right.lo),
+                 hi = Smaller<4>(split.left.hi, split.right.hi);
     return IsEmpty({lo, hi}) ? 0 : Box4{lo, hi}.HalfArea();
   }
   static bool IsEmpty(const Box4& box) { return (Mask(box.lo > box.hi) & 7u) != 0; }
@@ -231,8 +241,8 @@ class SpatialBuilder {
         Box4 part = edges.Between(from, to);
         part.Extend(crossing);
         part.Extend(next);
-        slab.lo = MaxOrSecond(part.lo, slab.lo);
-        slab.hi = MinOrSecond(part.hi, slab.hi);
+        slab.lo = Larger<4>(part.lo, slab.lo);
+        slab.hi = Smaller<4>(part.hi, slab.hi);
         crossing = next;
       }
       if (!IsEmpty(slab)) bins.box[axis][b].Extend(slab);
@@ -327,8 +337,8 @@ class SpatialBuilder {
     }
     if (padded_) b = PaddedBounds(b.lo, b.hi, extent);
     const Float4 zero{};  // -0 becomes 0
-    return {MaxOrSecond(Float4{b.lo.x, b.lo.y, b.lo.z, 0} + zero, box.lo),
-            MinOrSecond(Float4{b.hi.x, b.hi.y, b.hi.z, 0} + zero, box.hi)};
+    return {Larger<4>(Float4{b.lo.x, b.lo.y, b.lo.z, 0} + zero, box.lo),
+            Smaller<4>(Float4{b.hi.x, b.hi.y, b.hi.z, 0} + zero, box.hi)};
   }
 
   /// Left ones move to the front of the range, right ones to the scratch array. Returns false if there are
@@ -420,7 +430,6 @@ class SpatialBuilder {
   SahCosts costs_;
   bool padded_;
   uint32_t bins_;
-  const volatile int* cancel_;
   HugeArray<Record> references_, scratch_;
   float root_area_ = 0;
   BinaryTree tree_;
@@ -434,7 +443,9 @@ BinaryTree BuildSpatialSah(const rb_geometry& geometry, const SpatialSahOptions&
 }
 
 uint64_t SpatialSahPeakBytes(uint64_t prims, double budget) {
-  return SpatialSahCapacity(prims, budget) * (2 * sizeof(Record) + 2 * sizeof(BuildNode) + sizeof(uint32_t));
+  const uint64_t most = SpatialSahCapacity(prims, budget);
+  return NodeStore::Bytes(most) + std::max(2 * most * sizeof(Record), NodeStore::Bytes(most)) +
+         most * sizeof(uint32_t);
 }
 
 }  // namespace raybench

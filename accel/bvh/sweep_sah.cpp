@@ -8,6 +8,7 @@
 #include "accel/base/parallel.h"
 #include "accel/base/radix_sort.h"
 #include "accel/bvh/build_records.h"
+#include "accel/bvh/node_store.h"
 
 namespace raybench {
 namespace {
@@ -15,7 +16,7 @@ namespace {
 class SweepBuilder {
  public:
   SweepBuilder(const rb_geometry& geometry, const SahCosts& costs, bool padded, const volatile int* cancel)
-      : costs_(costs), cancel_(cancel), goes_left_(PrimCount(geometry)) {
+      : costs_(costs), goes_left_(PrimCount(geometry)) {
     const size_t n = PrimCount(geometry);
     HugeArray<Record> records(n);
     MakeRecords(geometry, padded, records);
@@ -25,12 +26,15 @@ class SweepBuilder {
       right_cost_[axis] = HugeArray<float>(n);
     });
     records = {};
-    tree_.nodes = HugeArray<BuildNode>(2 * n);
-    Recurse(0, n, 0, 0);
+    NodeStore store(n);
+    const NodeStore::Subtree all = BuildDown(
+        Work{0, n, 0}, [this](auto&&... of) { return Divide(of...); }, store, cancel);
     tree_.order = HugeArray<uint32_t>(n);
     ForBlocks(0, n, [&](size_t begin, size_t end) {
       for (size_t i = begin; i < end; ++i) tree_.order[i] = by_[0][i].id();
     });
+    for (int axis = 0; axis < 3; ++axis) by_[axis] = {}, scratch_[axis] = {}, right_cost_[axis] = {};
+    tree_.nodes = store.Take(all);
   }
   BinaryTree Take() { return std::move(tree_); }
 
@@ -64,30 +68,42 @@ class SweepBuilder {
     });
   }
 
-  void Recurse(size_t begin, size_t end, uint32_t slot, uint32_t depth) {
+  struct Work {
+    size_t begin = 0, end = 0;
+    uint32_t depth = 0;
+
+    size_t size() const { return end - begin; }
+    size_t room() const { return size(); }
+  };
+
+  /// As BuildDown() wants it.
+  bool Divide(const Work& work, BuildNode& node, Work& left, Work& right) {
+    const auto [begin, end, depth] = work;
     const size_t n = end - begin;
-    if (n >= kTaskRange) CheckCancel(cancel_);
+    if (n == 1 || costs_.NeverPays(n)) {
+      Box4 box = Box4::Empty();
+      for (size_t i = begin; i < end; ++i) box.Extend({by_[0][i].lo, by_[0][i].hi});
+      SetBounds(node, box), SetLeaf(node, begin, n);
+      return false;
+    }
     Cut cuts[3];
     EachAxis(n, [&](int axis) { cuts[axis] = BestCut(axis, begin, end); });
     int best = 0;
     for (int axis = 1; axis < 3; ++axis) {
       if (cuts[axis].cost < cuts[best].cost) best = axis;
     }
-    BuildNode& node = tree_.nodes[slot];
     SetBounds(node, cuts[0].box);
-    if (n == 1 || (n <= costs_.leaf_size && !costs_.Pays(cuts[best].cost, n, cuts[0].box.HalfArea()))) {
+    if (n <= costs_.leaf_size && !costs_.Pays(cuts[best].cost, n, cuts[0].box.HalfArea())) {
       SetLeaf(node, begin, n);
-      return;
+      return false;
     }
     const size_t lefts = depth < kSahDepth ? cuts[best].lefts : n / 2, middle = begin + lefts;
     for (size_t i = begin; i < end; ++i) goes_left_[by_[best][i].id()] = i < middle;
     EachAxis(n, [&](int axis) {
       if (axis != best) Partition(axis, begin, end);
     });
-    const uint32_t right_slot = SetInner(node, slot, lefts);
-    Both(
-        n, [&] { Recurse(begin, middle, slot + 1, depth + 1); },
-        [&] { Recurse(middle, end, right_slot, depth + 1); });
+    left = {begin, middle, depth + 1}, right = {middle, end, depth + 1};
+    return true;
   }
 
   template <class Fn>
@@ -134,7 +150,6 @@ class SweepBuilder {
   }
 
   SahCosts costs_;
-  const volatile int* cancel_;
   HugeArray<Record> by_[3], scratch_[3];
   HugeArray<float> right_cost_[3];
   HugeArray<uint8_t> goes_left_;  // by id
@@ -149,7 +164,9 @@ BinaryTree BuildSweepSah(const rb_geometry& geometry, const SahCosts& costs, boo
 }
 
 uint64_t SweepSahPeakBytes(uint64_t prims) {
-  return prims * (3 * (2 * sizeof(Record) + sizeof(float)) + 2 * sizeof(BuildNode) + sizeof(uint32_t) + 1);
+  const uint64_t records = prims * 3 * (2 * sizeof(Record) + sizeof(float));
+  return NodeStore::Bytes(prims) + std::max(records, NodeStore::Bytes(prims)) +
+         prims * (sizeof(uint32_t) + 1);
 }
 
 }  // namespace raybench

@@ -1,6 +1,7 @@
 #include "accel/bvh/wide/collapse.h"
 
 #include <algorithm>
+#include <cstring>
 #include <limits>
 #include <stdexcept>
 
@@ -17,139 +18,250 @@ float HalfArea(const BuildNode& n) {
 
 template <uint32_t kWidth>
 class Collapser {
+  using F = FloatN<int(kWidth)>;
+  using I = IntN<int(kWidth)>;
+
  public:
   Collapser(const BinaryTree& tree, const SahCosts& costs)
       : tree_(tree), costs_(costs), choices_(tree.nodes.size()) {
-    Solve(0, uint32_t(std::min<size_t>(tree.nodes.size(), std::numeric_limits<uint32_t>::max())));
-    Emit();
+    const Subtree all{0, uint32_t(std::min<size_t>(tree.nodes.size(), std::numeric_limits<uint32_t>::max()))};
+    Solution whole;
+    Solve(all, whole);
+    Emit(all);
   }
   WideTopology Take() { return std::move(out_); }
 
  private:
-  /// How the subtree of a binary node becomes i trees: split[i]: i trees, of them so many left (0: as one
-  /// with i - 1). is_leaf: as one tree it is a leaf.
+  static constexpr float kInf = std::numeric_limits<float>::infinity();
+
+  /// What stands in the slots from `slot` to `end`: more of them than there are nodes.
+  struct Subtree {
+    uint32_t slot, end;
+    uint32_t size() const { return end - slot; }
+  };
+  Subtree Left(const Subtree& s) const { return {s.slot + 1, tree_.nodes[s.slot].right}; }
+  Subtree Right(const Subtree& s) const { return {tree_.nodes[s.slot].right, s.end}; }
+
+  /// How the subtree of an inner binary node becomes i trees: left[i - 1] of them left (0: as one with i - 1).
   struct Choice {
-    uint8_t left[kWidth + 1];
-    uint8_t is_leaf;
-    uint32_t count;
+    uint8_t left[kWidth];
+    uint32_t count;  // primitives
+    bool is_leaf;    // as one tree it is a leaf
   };
   struct Solution {
-    float cost[kWidth + 1];  // cost[i]; 1 <= i <= most
-    uint32_t most;           // more trees than that do not help
-    uint32_t count;          // primitives
+    float none[kWidth];  // infinite: what no trees cost
+    float cost[kWidth];  // cost[i - 1] of i trees; infinite for more than `most`
+    uint32_t most;       // more trees than that do not help
+    uint32_t count;      // primitives
   };
 
-  /// `entries`: an upper bound of the subtree's primitives, to tell when it is worth a task.
-  Solution Solve(uint32_t slot, uint32_t entries) {
-    const BuildNode& node = tree_.nodes[slot];
+  void Solve(const Subtree& subtree, Solution& s) {
+    const BuildNode& node = tree_.nodes[subtree.slot];
     const float area = HalfArea(node);
-    Choice& choice = choices_[slot];
-    Solution s;
+    const F none = Splat<F>(kInf);
+    std::memcpy(s.none, &none, sizeof none);
     if (node.count > 0) {
+      std::memcpy(s.cost, &none, sizeof none);
       s.most = 1, s.count = node.count;
-      s.cost[1] = costs_.Blocks(node.count) * area;
-      choice.is_leaf = 1, choice.count = node.count;
-      return s;
-    }
-    Solution l, r;
-    const uint32_t lefts = (node.right - slot) / 2;
-    Both(
-        entries, [&] { l = Solve(slot + 1, lefts); },
-        [&] { r = Solve(node.right, entries - std::min(lefts, entries)); });
-    s.count = choice.count = l.count + r.count;
-    s.most = std::min(kWidth, l.most + r.most);
-    float best = std::numeric_limits<float>::infinity();
-    for (uint32_t i = 2; i <= s.most; ++i) {
-      s.cost[i] = best, choice.left[i] = 0;
-      const uint32_t k_begin = i > r.most ? i - r.most : 1, k_end = std::min(l.most, i - 1);
-      for (uint32_t k = k_begin; k <= k_end; ++k) {
-        const float cost = l.cost[k] + r.cost[i - k];
-        if (cost < s.cost[i]) s.cost[i] = cost, choice.left[i] = uint8_t(k);
-      }
-      best = s.cost[i];
-    }
-    const float as_node = costs_.traversal * area + best;
-    const float as_leaf = s.count <= costs_.leaf_size && !tree_.clipped
-                              ? costs_.Blocks(s.count) * area
-                              : std::numeric_limits<float>::infinity();
-    choice.is_leaf = as_leaf <= as_node;
-    s.cost[1] = std::min(as_leaf, as_node);
-    // Fewer trees may cost less than more of them.
-    for (uint32_t i = 2; i <= s.most; ++i) {
-      if (s.cost[i - 1] < s.cost[i]) s.cost[i] = s.cost[i - 1], choice.left[i] = 0;
-    }
-    for (uint32_t i = s.most + 1; i <= kWidth; ++i) choice.left[i] = 0;
-    return s;
-  }
-
-  /// The trees that `slot` becomes if it may become `most`.
-  void Gather(uint32_t slot, uint32_t most, std::vector<uint32_t>& out) const {
-    const BuildNode& node = tree_.nodes[slot];
-    const Choice& choice = choices_[slot];
-    if (node.count == 0)
-      while (most > 1 && choice.left[most] == 0) --most;
-    if (node.count > 0 || most == 1) {
-      out.push_back(slot);
+      s.cost[0] = costs_.Blocks(node.count) * area;
       return;
     }
-    Gather(slot + 1, choice.left[most], out);
-    Gather(node.right, most - choice.left[most], out);
+    Solution l, r;
+    Both(
+        subtree.size() / 2, [&] { Solve(Left(subtree), l); }, [&] { Solve(Right(subtree), r); });
+    Choice& choice = choices_[subtree.slot];
+    s.count = choice.count = l.count + r.count;
+    s.most = std::min(kWidth, l.most + r.most);
+    // D(n, i) in lane i - 1; k ascends, the first of equal ones stays.
+    F cost = none;
+    I left{};
+    for (uint32_t k = 1; k <= l.most; ++k) {
+      const F with_k = Splat<F>(l.cost[k - 1]) + Load<F>(r.cost - k);
+      const I is_less = with_k < cost;
+      cost = is_less ? with_k : cost;
+      left = is_less ? Splat<I>(int32_t(k)) : left;
+    }
+    std::memcpy(s.cost, &cost, sizeof cost);
+    const auto lefts = __builtin_convertvector(left, Vec<uint8_t, int(kWidth)>);
+    std::memcpy(choice.left, &lefts, sizeof lefts);
+    float best = kInf;
+    for (uint32_t i = 2; i <= s.most; ++i) best = std::min(best, s.cost[i - 1]);
+    const float as_node = costs_.traversal * area + best;
+    const float as_leaf =
+        s.count <= costs_.leaf_size && !tree_.clipped ? costs_.Blocks(s.count) * area : kInf;
+    choice.is_leaf = as_leaf <= as_node;
+    best = s.cost[0] = std::min(as_leaf, as_node);
+    // Fewer trees may cost less than more of them.
+    choice.left[0] = 0;
+    float as_trees = kInf;
+    for (uint32_t i = 2; i <= s.most; ++i) {
+      const bool is_less = s.cost[i - 1] < as_trees;
+      as_trees = is_less ? s.cost[i - 1] : as_trees;
+      if (!is_less || best < as_trees) choice.left[i - 1] = 0;
+      best = s.cost[i - 1] = std::min(best, as_trees);
+    }
   }
-  bool IsLeaf(uint32_t slot) const { return choices_[slot].is_leaf != 0; }
+
+  bool IsLeaf(uint32_t slot) const { return tree_.nodes[slot].count > 0 || choices_[slot].is_leaf; }
+  uint32_t Count(uint32_t slot) const {
+    return tree_.nodes[slot].count > 0 ? tree_.nodes[slot].count : choices_[slot].count;
+  }
   uint32_t First(uint32_t slot) const {
     while (tree_.nodes[slot].count == 0) ++slot;
     return tree_.nodes[slot].first;
   }
 
-  void Emit() {
-    out_.begin.push_back(0);
+  /// A tree of the forest that becomes a node's children.
+  struct Tree {
+    Subtree subtree;
+    float area;
+    bool is_leaf;
+
+    bool operator<(const Tree& o) const {
+      if (is_leaf != o.is_leaf) return is_leaf;
+      return area != o.area ? area > o.area : subtree.slot < o.subtree.slot;
+    }
+  };
+  struct Forest {  // sorted
+    Tree trees[kWidth];
+    uint32_t size = 0;
+
+    void Add(const Tree& tree) {
+      uint32_t i = size++;
+      for (; i > 0 && tree < trees[i - 1]; --i) trees[i] = trees[i - 1];
+      trees[i] = tree;
+    }
+  };
+
+  /// Adds the trees that the subtree becomes if it may become `most`.
+  void Gather(const Subtree& subtree, uint32_t most, Forest& out) const {
+    const BuildNode& node = tree_.nodes[subtree.slot];
+    if (node.count == 0 && most > 1) {
+      const Choice& choice = choices_[subtree.slot];
+      while (most > 1 && choice.left[most - 1] == 0) --most;
+      if (most > 1) {
+        Gather(Left(subtree), choice.left[most - 1], out);
+        Gather(Right(subtree), most - choice.left[most - 1], out);
+        return;
+      }
+    }
+    out.Add({subtree, HalfArea(node), IsLeaf(subtree.slot)});
+  }
+
+  /// The children of the node that a subtree becomes.
+  Forest Children(const Subtree& subtree) const {
+    Forest forest;
+    const Choice& choice = choices_[subtree.slot];
+    uint32_t most = kWidth;
+    while (most > 2 && choice.left[most - 1] == 0) --most;
+    // Where one tree would do, but it is no leaf, there are two.
+    const uint32_t lefts = choice.left[most - 1];
+    Gather(Left(subtree), lefts > 0 ? lefts : 1, forest);
+    Gather(Right(subtree), lefts > 0 ? most - lefts : 1, forest);
+    return forest;
+  }
+
+  /// Nodes that follow each other: a whole subtree, or a single one above such.
+  struct Part {
+    Subtree subtree;
+    uint32_t depth;
+    bool is_whole;
+    WideTopology topology{};  // numbers of nodes: within the subtree; of a single one, of parts
+  };
+  static constexpr uint32_t kPartSlots = 1u << 13;
+
+  void Emit(const Subtree& all) {
     if (IsLeaf(0)) {
-      out_.children.push_back({0, First(0), choices_[0].count});
+      out_.begin.push_back(0);
+      out_.children.push_back({0, First(0), Count(0)});
       return;
     }
-    constexpr uint32_t kNone = 0xFFFFFFFFu;
+    std::vector<Part> parts;
+    Divide(all, parts);
+    ParallelFor(size_t{0}, parts.size(), [&](size_t i) {
+      if (parts[i].is_whole) EmitWhole(parts[i]);
+    });
+    Join(parts);
+  }
+
+  /// The parts in depth-first order.
+  void Divide(const Subtree& all, std::vector<Part>& parts) const {
     struct Pending {
-      uint32_t slot, child, depth;  // child: which entry of `children` it is
+      Subtree subtree;
+      uint32_t depth, part, child;  // which child of which part
     };
-    std::vector<Pending> stack{{0, kNone, 0}};
-    std::vector<uint32_t> trees;
+    std::vector<Pending> stack{{all, 0, kNone, 0}};
     while (!stack.empty()) {
       const Pending p = stack.back();
       stack.pop_back();
-      if (p.depth >= kMaxTreeDepth) throw std::runtime_error("the tree is deeper than the traversal stack");
-      if (p.child != kNone) out_.children[p.child].first = out_.nodes();
-      Children(p.slot, trees);
-      const size_t begin = out_.children.size();
-      for (const uint32_t slot : trees) {
-        const bool is_leaf = IsLeaf(slot);
-        out_.children.push_back({slot, is_leaf ? First(slot) : 0, is_leaf ? choices_[slot].count : 0});
-      }
-      for (size_t i = trees.size(); i-- > 0;)
-        if (!IsLeaf(trees[i])) stack.push_back({trees[i], uint32_t(begin + i), p.depth + 1});
-      out_.begin.push_back(uint32_t(out_.children.size()));
+      const uint32_t part = uint32_t(parts.size());
+      if (p.part != kNone) parts[p.part].topology.children[p.child].first = part;
+      parts.push_back({p.subtree, p.depth, p.subtree.size() < kPartSlots});
+      if (!parts.back().is_whole)
+        EmitNode(p.subtree, p.depth, parts.back().topology, [&](const Subtree& inner, uint32_t child) {
+          stack.push_back({inner, p.depth + 1, part, child});
+        });
     }
   }
 
-  /// The children of the node that the subtree of `slot` becomes.
-  void Children(uint32_t slot, std::vector<uint32_t>& trees) const {
-    trees.clear();
-    const Choice& choice = choices_[slot];
-    const uint32_t right = tree_.nodes[slot].right;
-    uint32_t most = kWidth;
-    while (most > 2 && choice.left[most] == 0) --most;
-    if (choice.left[most] == 0) {  // one tree would do, but it is no leaf
-      trees.push_back(slot + 1), trees.push_back(right);
-    } else {
-      Gather(slot + 1, choice.left[most], trees);
-      Gather(right, most - choice.left[most], trees);
+  void EmitWhole(Part& part) const {
+    struct Pending {
+      Subtree subtree;
+      uint32_t depth, child;
+    };
+    WideTopology& out = part.topology;
+    std::vector<Pending> stack{{part.subtree, part.depth, kNone}};
+    while (!stack.empty()) {
+      const Pending p = stack.back();
+      stack.pop_back();
+      if (p.child != kNone) out.children[p.child].first = uint32_t(out.begin.size());
+      EmitNode(p.subtree, p.depth, out, [&](const Subtree& inner, uint32_t child) {
+        stack.push_back({inner, p.depth + 1, child});
+      });
     }
-    std::sort(trees.begin(), trees.end(), [&](uint32_t a, uint32_t b) {
-      const bool leaf_a = IsLeaf(a), leaf_b = IsLeaf(b);
-      if (leaf_a != leaf_b) return leaf_a;
-      const float area_a = HalfArea(tree_.nodes[a]), area_b = HalfArea(tree_.nodes[b]);
-      return area_a != area_b ? area_a > area_b : a < b;
+  }
+
+  /// Appends the node that the subtree becomes; push(subtree, child) for its inner children, the last one first.
+  template <class Push>
+  void EmitNode(const Subtree& subtree, uint32_t depth, WideTopology& out, const Push& push) const {
+    if (depth >= kMaxTreeDepth) throw std::runtime_error("the tree is deeper than the traversal stack");
+    const Forest forest = Children(subtree);
+    const uint32_t begin = uint32_t(out.children.size());
+    out.begin.push_back(begin);
+    for (uint32_t c = 0; c < forest.size; ++c) {
+      const uint32_t slot = forest.trees[c].subtree.slot;
+      const bool is_leaf = forest.trees[c].is_leaf;
+      out.children.push_back({slot, is_leaf ? First(slot) : 0, is_leaf ? Count(slot) : 0});
+    }
+    for (uint32_t c = forest.size; c-- > 0;)
+      if (!forest.trees[c].is_leaf) push(forest.trees[c].subtree, begin + c);
+  }
+
+  void Join(const std::vector<Part>& parts) {
+    struct Place {
+      uint32_t node, child;
+    };
+    std::vector<Place> places{{0, 0}};
+    for (const Part& part : parts)
+      places.push_back({places.back().node + uint32_t(part.topology.begin.size()),
+                        places.back().child + uint32_t(part.topology.children.size())});
+    out_.begin.resize(places.back().node + size_t{1});
+    out_.children.resize(places.back().child);
+    out_.begin.back() = places.back().child;
+    ParallelFor(size_t{0}, parts.size(), [&](size_t i) {
+      const WideTopology& from = parts[i].topology;
+      for (size_t n = 0; n < from.begin.size(); ++n)
+        out_.begin[places[i].node + n] = places[i].child + from.begin[n];
+      for (size_t c = 0; c < from.children.size(); ++c) {
+        WideTopology::Child child = from.children[c];
+        if (child.count == 0)
+          child.first = parts[i].is_whole ? places[i].node + child.first : places[child.first].node;
+        out_.children[places[i].child + c] = child;
+      }
     });
   }
+
+  static constexpr uint32_t kNone = 0xFFFFFFFFu;
 
   const BinaryTree& tree_;
   SahCosts costs_;

@@ -24,7 +24,7 @@ namespace {
 
 class PlocBuilder {
  public:
-  static constexpr uint64_t kBytesPerPrim = sizeof(Record) + kMortonBytesPerPrim + 2 * sizeof(Record) +
+  static constexpr uint64_t kBytesPerPrim = sizeof(Record) + MortonOrder::kBytesPerPrim + 2 * sizeof(Record) +
                                             2 * (sizeof(LinkedNode) + sizeof(uint32_t)) +
                                             2 * sizeof(BuildNode) + 3 * sizeof(uint32_t);
 
@@ -39,15 +39,15 @@ class PlocBuilder {
     {
       HugeArray<Record> records(n);
       const RecordRange all = MakeRecords(geometry, config.Padded(), records);
-      const HugeArray<MortonItem> items = SortByMorton(records, all.centroids);
+      const MortonOrder curve(records, all.centroids);
       ForBlocks(0, n, [&](size_t begin, size_t end) {
         for (size_t i = begin; i < end; ++i) {
           Record& cluster = clusters_[i];
-          cluster = records[items[i].prim];
+          cluster = records[curve.prim(i)];
           cluster.SetId(uint32_t(i));
           tree_.nodes[i].SetBox({cluster.lo, cluster.hi});
           tree_.nodes[i].left = uint32_t(i), tree_.nodes[i].right = LinkedNode::kLeaf;
-          tree_.counts[i] = 1, tree_.order[i] = items[i].prim;
+          tree_.counts[i] = 1, tree_.order[i] = curve.prim(i);
         }
       });
     }
