@@ -15,6 +15,9 @@
 
 namespace raybench {
 
+/// Works on a device of its own: the processor's clocks do not see it.
+inline bool IsOnDevice(const rb_structure& structure) { return (structure.capabilities & RB_DEVICE) != 0; }
+
 /// One line that says why the structure cannot be built on this machine; empty: it can, as far as it says.
 std::string WhyUnavailable(const rb_structure& structure);
 

@@ -60,6 +60,7 @@ struct TimedTask {
   double sample_cost = 0;          ///< expected seconds a sample, for the progress
   bool warm_up = true;             ///< one untimed pass before each sample
   bool parallel = false;           ///< more than one thread: not pinned, the whole process's CPU time
+  bool device = false;  ///< work that processor time does not see: not pinned, wall time on both clocks
 };
 
 /// Samples of one task; fewer than it wants where the run was interrupted.
