@@ -5,12 +5,14 @@
 #include <stdexcept>
 
 // Made of the files in shaders/ by glslangValidator: SPIR-V as arrays kSPIRV_STAGE.
+#include "accel/vulkan/shaders/advance.comp.h"
 #include "accel/vulkan/shaders/query.comp.h"
 #include "accel/vulkan/shaders/trace.rahit.h"
 #include "accel/vulkan/shaders/trace.rchit.h"
 #include "accel/vulkan/shaders/trace.rgen.h"
 #include "accel/vulkan/shaders/trace.rint.h"
 #include "accel/vulkan/shaders/trace.rmiss.h"
+#include "accel/vulkan/shaders/wave.comp.h"
 
 namespace raybench::vulkan {
 namespace {
@@ -76,20 +78,29 @@ VkShaderStageFlags Pipelines::PushStages() const {
 const Pipeline& Pipelines::Get(const Variant& variant) {
   const auto known = made_.find(variant);
   if (known != made_.end()) return known->second;
-  Pipeline made = variant.path == Path::kQuery ? MakeQuery(variant) : MakePipeline(variant);
+  Pipeline made = variant.program == Program::kPipeline ? MakePipeline(variant) : MakeCompute(variant);
   return made_.emplace(variant, std::move(made)).first->second;
 }
 
-Pipeline Pipelines::MakeQuery(const Variant& variant) const {
+Pipeline Pipelines::MakeCompute(const Variant& variant) const {
   Modules modules(device_, variant);
-  modules.Add(VK_SHADER_STAGE_COMPUTE_BIT, kQueryComp);
+  switch (variant.program) {
+    case Program::kWave:
+      modules.Add(VK_SHADER_STAGE_COMPUTE_BIT, kWaveComp);
+      break;
+    case Program::kAdvance:
+      modules.Add(VK_SHADER_STAGE_COMPUTE_BIT, kAdvanceComp);
+      break;
+    default:
+      modules.Add(VK_SHADER_STAGE_COMPUTE_BIT, kQueryComp);
+  }
   VkComputePipelineCreateInfo info{};
   info.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
   info.stage = modules.stages()[0];
   info.layout = layout_;
   Pipeline made;
   Check(vkCreateComputePipelines(device_.get(), VK_NULL_HANDLE, 1, &info, nullptr, &made.pipeline),
-        "compiling the shader of ray queries");
+        "compiling a shader of ray queries");
   return made;
 }
 

@@ -11,16 +11,17 @@
 
 namespace raybench::vulkan {
 
-enum class Path : uint32_t { kQuery, kPipeline };
+/// The two paths of queries, and the two steps of a wave (picture.h).
+enum class Program : uint32_t { kQuery, kPipeline, kWave, kAdvance };
 
 /// Constants of specialisation, as in shaders/common.glsl.
 struct Variant {
-  Path path;
+  Program program;
   VkBool32 any_hit, filtered, procedural, counts_calls;
   auto operator<=>(const Variant&) const = default;
 };
 
-/// What all shaders are given (shaders/common.glsl).
+/// What the shaders of a query are given (shaders/query.glsl).
 struct Push {
   VkDeviceAddress tlas, scene, rays, skip, after, answers, calls;
   uint32_t count;
@@ -46,7 +47,7 @@ class Pipelines {
   const Pipeline& Get(const Variant& variant);
 
  private:
-  Pipeline MakeQuery(const Variant& variant) const;
+  Pipeline MakeCompute(const Variant& variant) const;
   Pipeline MakePipeline(const Variant& variant) const;
 
   const Device& device_;

@@ -163,6 +163,8 @@ void SceneOnDevice::BuildBottoms(const rb_geometry& geometry, const rb_build_opt
     g.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR;
     g.geometryType = part.type;
     g.flags = choice_.opaque ? VK_GEOMETRY_OPAQUE_BIT_KHR : 0;
+    // Where light passes surfaces, a picture's shadow rays multiply what they meet (shaders/wave.comp).
+    if ((options.needs & RB_NEED_AFTER) != 0) g.flags |= VK_GEOMETRY_NO_DUPLICATE_ANY_HIT_INVOCATION_BIT_KHR;
     if (part.type == VK_GEOMETRY_TYPE_TRIANGLES_KHR) {
       VkAccelerationStructureGeometryTrianglesDataKHR& t = g.geometry.triangles;
       t.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_TRIANGLES_DATA_KHR;

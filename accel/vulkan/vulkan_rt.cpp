@@ -20,6 +20,7 @@
 #include <optional>
 
 #include "accel/contract/structure.h"
+#include "accel/vulkan/picture.h"
 #include "accel/vulkan/pipelines.h"
 #include "accel/vulkan/scene.h"
 
@@ -99,11 +100,13 @@ class VulkanRt {
   }
 
   VulkanRt(const rb_geometry& geometry, const rb_build_options& options, const Config& config)
-      : device_(vulkan::Device::Get(config.device)), path_(Path(config.path)), opaque_(config.opaque != 0) {
-    if (path_ == Path::kQuery ? !device_.has_query() : !device_.has_pipeline())
+      : device_(vulkan::Device::Get(config.device)),
+        program_(Program(config.path)),
+        opaque_(config.opaque != 0) {
+    if (program_ == Program::kQuery ? !device_.has_query() : !device_.has_pipeline())
       throw std::runtime_error(device_.name() + " has no " +
-                               (path_ == Path::kQuery ? "ray queries" : "pipelines") +
-                               "; try path=" + (path_ == Path::kQuery ? "pipeline" : "query"));
+                               (program_ == Program::kQuery ? "ray queries" : "pipelines") +
+                               "; try path=" + (program_ == Program::kQuery ? "pipeline" : "query"));
     const std::lock_guard lock(device_.mutex());
     scene_.emplace(device_, geometry, options,
                    BuildChoice{BuildFor(config.build), config.compaction != 0, config.opaque != 0});
@@ -143,6 +146,13 @@ class VulkanRt {
   static const char* Unavailable() {
     const std::string& why = vulkan::Device::WhyNone();
     return why.empty() ? nullptr : why.c_str();
+  }
+
+  void DrawPicture(rb_picture& picture) const {
+    if (program_ != Program::kQuery) throw std::runtime_error("pictures in waves take path=query");
+    if (scene_->is_empty()) throw std::runtime_error("there is nothing to be seen");
+    const std::lock_guard lock(device_.mutex());
+    Draw(device_, *scene_, picture);
   }
 
   /// For tests: from now on how often each kind of shader runs is counted, in the order of shaders/common.glsl.
@@ -202,7 +212,7 @@ class VulkanRt {
 
     const bool filtered = !opaque_ || query.skip != nullptr || query.after != nullptr;
     const Pipeline& pipeline =
-        device_.pipelines().Get({path_, any, filtered, scene_->has_procedural(), calls_ != nullptr});
+        device_.pipelines().Get({program_, any, filtered, scene_->has_procedural(), calls_ != nullptr});
     const Push push = {scene_->tlas(),           scene_->data(),
                        portion_.rays.address(),  portion_.skip.address(),
                        portion_.after.address(), portion_.answers.address(),
@@ -223,7 +233,7 @@ class VulkanRt {
       commands.Stamp();
       vkCmdPushConstants(commands.get(), device_.pipelines().layout(), device_.pipelines().PushStages(), 0,
                          sizeof push, &push);
-      if (path_ == Path::kQuery) {
+      if (program_ == Program::kQuery) {
         vkCmdBindPipeline(commands.get(), VK_PIPELINE_BIND_POINT_COMPUTE, pipeline.pipeline);
         vkCmdDispatchIndirect(commands.get(), portion_.groups.get(), 0);
       } else {
@@ -257,7 +267,7 @@ class VulkanRt {
   }
 
   vulkan::Device& device_;
-  Path path_;
+  Program program_;
   bool opaque_;
   std::optional<SceneOnDevice> scene_;
   mutable Portion portion_;
@@ -272,6 +282,18 @@ class VulkanRt {
 extern "C" __attribute__((visibility("default"))) void raybench_vulkan_count_calls(const rb_tree* tree,
                                                                                    uint64_t (*calls)[5]) {
   reinterpret_cast<const raybench::vulkan::VulkanRt*>(tree)->CountCalls(*calls);
+}
+
+extern "C" __attribute__((visibility("default"))) int raybench_picture(const rb_tree* tree,
+                                                                       rb_picture* picture, char* error,
+                                                                       size_t error_size) {
+  try {
+    reinterpret_cast<const raybench::vulkan::VulkanRt*>(tree)->DrawPicture(*picture);
+    return 0;
+  } catch (const std::exception& e) {
+    std::snprintf(error, error_size, "%s", e.what());
+    return 1;
+  }
 }
 
 RAYBENCH_PLUGIN(raybench::vulkan::VulkanRt)

@@ -57,38 +57,11 @@ layout(buffer_reference, scalar) readonly buffer SceneData {  // SceneData of sc
   uint triangle_count, sphere_count, cone_count;
 };
 
-layout(push_constant, scalar) uniform Push {  // Push of queries.h
-  uvec2 tlas;
-  SceneData scene;
-  Rays rays;
-  Numbers skip, after;  // null: none
-  uvec2 answers;        // Hits or Occluded
-  Calls calls;
-  uint count;
-  bool has_skip, has_after;
-} push;
-
-// Kinds of shaders, in the order of Calls.
-const uint kRayGeneration = 0, kIntersection = 1, kAny = 2, kClosest = 3, kMiss = 4;
-void CountCall(uint kind) {
-  if (kCountsCalls) atomicAdd(push.calls.at[kind], 1);
-}
-
 // A ray with what it skips and behind which hit it resumes.
 struct RayQuery {
   Ray ray;
   uint skip, after;
 };
-RayQuery QueryOf(uint i) {
-  RayQuery q;
-  q.ray = push.rays.at[i];
-  q.skip = kNone, q.after = kNone;
-  if (kFiltered && push.has_skip) q.skip = push.skip.at[i];
-  if (kFiltered && push.has_after) q.after = push.after.at[i];
-  return q;
-}
-
-uint PrimOf(uint instance, uint index) { return push.scene.first_prims.at[instance] + index; }
 
 // RayQuery::Accepts of accel/contract/structure.h without the order: a pure function of the candidate, so it does not
 // matter in which order candidates come, nor whether one comes twice.

@@ -3,6 +3,7 @@
 #extension GL_EXT_ray_query : require
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
+#include "query.glsl"
 #include "procedural.glsl"
 
 layout(local_size_x = 64) in;
