@@ -16,6 +16,9 @@ struct Seconds {
   double wall = 0, cpu = 0;
 };
 
+/// Of what one thread asked for: its processor time, or wall time where a device did it, which that does not see.
+inline double TimeOfWork(const Seconds& seconds, bool device) { return device ? seconds.wall : seconds.cpu; }
+
 /// Starts both clocks; cpu is the calling thread's, or with `process` that of all threads.
 class Stopwatch {
  public:
