@@ -149,7 +149,7 @@ std::string Registry::OriginOf(const rb_structure& structure) const {
   for (size_t i = 0; i < structures_.size(); ++i) {
     if (structures_[i] == &structure) return origins_[i];
   }
-  return FileOnRequest(structure.name);
+  return on_request_.empty() ? std::string() : FileOnRequest(structure.name);
 }
 
 std::string Contestant::Spec() const {
