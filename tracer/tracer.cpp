@@ -366,15 +366,31 @@ class Wavefront {
       result_.shadow_rays += outputs_[chunk].shadow.rays.size();
       result_.shadow_blocked += outputs_[chunk].blocked;
     }
+    CountWave(depth, chunks);
     for (uint32_t kind = 0; kind < kRayKinds; ++kind)
       Capture(SetIndex(depth, RayKind(kind)), level_.batches[kind].rays);
     if (shader_.gathers() || options_.capture)
       ConcatenateBatches(
           workers_, chunks, shadow_, [&](size_t i) -> auto& { return outputs_[i].shadow; });
-    if (shader_.gathers()) GatherLight(chunks);
+    if (shader_.gathers()) {
+      const uint64_t before = result_.shadow_blocked;
+      GatherLight(chunks);
+      result_.waves[depth].blocked += result_.shadow_blocked - before;
+    }
     Capture(ShadowSetIndex(depth), shadow_.rays);
     AddToSamples();
     NextLevel(chunks);
+  }
+
+  void CountWave(uint32_t depth, size_t chunks) {
+    if (result_.waves.size() <= depth) result_.waves.resize(depth + size_t{1});
+    WaveCounts& wave = result_.waves[depth];
+    wave.rays += level_.paths.size();
+    for (size_t chunk = 0; chunk < chunks; ++chunk) {
+      wave.hits += outputs_[chunk].hits[kReflection] + outputs_[chunk].hits[kRefraction];
+      wave.shadow += outputs_[chunk].shadow.rays.size();
+      wave.blocked += outputs_[chunk].blocked;
+    }
   }
 
   void Shade(bool last) {

@@ -64,6 +64,12 @@ struct TraceOptions {
   std::function<void(double fraction)> progress = {};  ///< called from one thread at a time; rises to 1
 };
 
+/// What was traced at one depth.
+struct WaveCounts {
+  uint64_t rays = 0, hits = 0;       ///< camera rays, or reflected and refracted ones
+  uint64_t shadow = 0, blocked = 0;  ///< shadow rays
+};
+
 struct TraceResult {
   Image image;
   /// With `capture`: one set per kind and depth in the order traced (tiles of 8 x 8 pixels); empty ones left
@@ -74,6 +80,7 @@ struct TraceResult {
   uint64_t camera_hits = 0, shadow_blocked = 0, reflection_hits = 0, refraction_hits = 0;
   /// Hits that shadow rays went on through: on transmitting surfaces, and in holes cut out by alpha.
   uint64_t shadow_resumed = 0;
+  std::vector<WaveCounts> waves;  ///< one for each depth that had rays
 };
 
 /// Renders the scene with its first camera. Throws InputError on options out of range, textures that cannot

@@ -47,6 +47,19 @@ typedef struct {
   uint64_t bytes;        /* bytes of nodes and primitives touched */
 } rb_counts;
 
+/* Procedural primitives as data. A sphere's surface, and a truncated cone's side without its discs (with equal
+ * radii a cylinder, with one radius 0 a cone to its apex): negative radii show only the inside. A polygon's
+ * corners are `count` vertex indices from `first` on; inside is what they enclose an odd number of times. */
+typedef struct {
+  float center[3], radius;
+} rb_sphere;
+typedef struct {
+  float base[3], base_radius, apex[3], apex_radius;
+} rb_cone;
+typedef struct {
+  uint32_t first, count;
+} rb_polygon;
+
 /* Borrowed geometry. Primitive ids: triangles 0 .. triangle_count-1, then the procedural primitives. */
 typedef struct {
   uint32_t struct_size, reserved;
@@ -62,6 +75,13 @@ typedef struct {
   int (*procedural_intersect)(const void* user, uint64_t i, uint32_t numerics, const rb_ray* ray,
                               rb_hit* hit);
   const void* procedural_user;
+  /* The same primitives as data, for a structure whose device cannot call back: spheres, then cones, then
+   * polygons. Either all of them are here or none (see struct_size, too). */
+  const rb_sphere* spheres;
+  const rb_cone* cones;
+  const rb_polygon* polygons;
+  const uint32_t* polygon_vertices;
+  uint64_t sphere_count, cone_count, polygon_count, polygon_vertex_count;
 } rb_geometry;
 
 /* What the scene requires of the structure; it may keep and do less when less is needed. */
@@ -99,7 +119,8 @@ enum {
   RB_CAN_SKIP = 8,
   RB_NATIVE_BATCH = 16, /* rays of a batch are traced together (packets, streams) */
   RB_DETERMINISTIC = 32,
-  RB_LINEAR = 64 /* every ray looks at every primitive: runs leave it out where that takes too long */
+  RB_LINEAR = 64, /* every ray looks at every primitive: runs leave it out where that takes too long */
+  RB_DEVICE = 128 /* works on a device of its own, which the processor's clocks do not see: see rb_device */
 };
 
 /* What a built tree claims about its answers. A broken claim fails a run.
@@ -122,6 +143,14 @@ typedef struct {
 } rb_node;
 
 typedef struct rb_tree rb_tree;
+
+/* What a device did for a tree since its building began: seconds by the device's own clock, copies to and from
+ * its memory apart. A software driver stands in for a device on the processor. */
+typedef struct {
+  uint32_t struct_size, is_software;
+  const char* name; /* of device and driver; lives as long as the tree */
+  double build, build_copies, query, query_copies;
+} rb_device;
 
 enum { RB_CLOSEST, RB_ANY };
 typedef struct {
@@ -154,6 +183,9 @@ typedef struct {
   void (*memory)(const rb_tree*, uint64_t* nodes, uint64_t* prims, int* needs_geometry);
   /* Calls node() for every node in pre-order until it returns non-zero, and returns that. May be NULL. */
   int (*visit)(const rb_tree*, int (*node)(void* ctx, const rb_node*), void* ctx);
+  /* RB_DEVICE only; both may be NULL. */
+  const char* (*unavailable)(void); /* one line that says why nothing can be built here; NULL: it can */
+  void (*device)(const rb_tree*, rb_device*);
 } rb_structure;
 
 /* A plugin library exports this function. It returns `count` tables, or NULL if it cannot serve host_abi. */

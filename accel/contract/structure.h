@@ -11,6 +11,7 @@
 //   uint32_t Claims() const;                          RB_CLAIM_*
 //   MemoryUse Memory() const;
 //   template <class Fn> int Visit(Fn&& node) const;   optional: node(const rb_node&) -> non-zero stops
+//   rb_device Device() const;  static const char* Unavailable();      optional, with RB_DEVICE
 //   static constexpr Kind kKind;                      built-in ones; their base class may have it
 //
 // and, as the last line of its file, RAYBENCH_STRUCTURE(stem, T). This header depends on nothing but the
@@ -185,7 +186,15 @@ const rb_structure* StructureTable() {
       if constexpr (requires { Of(tree).Visit(call); }) return Of(tree).Visit(call);
       return 0;
     }
+    static const char* Unavailable() {
+      if constexpr (requires { T::Unavailable(); }) return T::Unavailable();
+      return nullptr;
+    }
+    static void Device(const rb_tree* tree, rb_device* device) {
+      if constexpr (requires { Of(tree).Device(); }) *device = Of(tree).Device();
+    }
   };
+  constexpr bool kIsDevice = (T::kCapabilities & RB_DEVICE) != 0;
   constexpr auto ignore = [](const rb_node&) { return 0; };
   constexpr bool kVisits = requires(const T& t) { t.Visit(ignore); };
   constexpr bool kCounts = (T::kCapabilities & RB_CAN_COUNT) != 0;
@@ -204,7 +213,9 @@ const rb_structure* StructureTable() {
                                      kCounts ? &Stamp::QueryCounted : nullptr,
                                      &Stamp::Claims,
                                      &Stamp::Memory,
-                                     kVisits ? &Stamp::Visit : nullptr};
+                                     kVisits ? &Stamp::Visit : nullptr,
+                                     kIsDevice ? &Stamp::Unavailable : nullptr,
+                                     kIsDevice ? &Stamp::Device : nullptr};
   return &table;
 }
 

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <filesystem>
 
 #include "accel/host/builtin.h"
 #include "accel/host/names.h"
@@ -50,26 +51,10 @@ std::string Flaw(const rb_structure& s) {
   return {};
 }
 
-}  // namespace
+/// Whether the table is long enough to have the member that ends there: it may come from an older plugin.
+bool Reaches(const rb_structure& s, size_t end) { return s.struct_size >= end; }
 
-Registry::Registry() {
-  for (const Builtin& builtin : BuiltinStructures()) Add(builtin.table, {});
-}
-
-void Registry::Add(const rb_structure* structure, const std::string& origin) {
-  const std::string where = origin.empty() ? "built-in structure" : origin;
-  if (std::string flaw = Flaw(*structure); !flaw.empty())
-    throw InputError(fmt::format("{}: {}", where, flaw));
-  for (const rb_structure* known : structures_) {
-    if (std::string_view(known->name) == structure->name) {
-      throw InputError(fmt::format("{}: the name '{}' is taken already", where, structure->name));
-    }
-  }
-  structures_.push_back(structure);
-  origins_.push_back(origin);
-}
-
-void Registry::LoadPlugin(const std::string& path) {
+std::span<const rb_structure* const> LoadTables(const std::string& path) {
   // Without a slash dlopen would search the system's library folders instead of opening the file.
   const std::string file = path.find('/') == std::string::npos ? "./" + path : path;
   void* library = dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);
@@ -89,12 +74,55 @@ void Registry::LoadPlugin(const std::string& path) {
     throw InputError(
         fmt::format("plugin {}: it offers nothing for ABI version {}", path, RAYBENCH_ABI_VERSION));
   }
-  Registry trial = *this;  // all of a plugin's structures are added or none
-  for (size_t i = 0; i < count; ++i) {
+  for (size_t i = 0; i < count; ++i)
     if (tables[i] == nullptr) throw InputError(fmt::format("plugin {}: structure {} is NULL", path, i));
-    trial.Add(tables[i], path);
+  return {tables, count};
+}
+
+}  // namespace
+
+std::string WhyUnavailable(const rb_structure& s) {
+  if (!Reaches(s, offsetof(rb_structure, unavailable) + sizeof s.unavailable) || s.unavailable == nullptr)
+    return {};
+  const char* const why = s.unavailable();
+  return why != nullptr ? why : "";
+}
+
+Registry::Registry() {
+  for (const Builtin& builtin : BuiltinStructures()) Add(builtin.table, {});
+}
+
+void Registry::Add(const rb_structure* structure, const std::string& origin) {
+  const std::string where = origin.empty() ? "built-in structure" : origin;
+  if (std::string flaw = Flaw(*structure); !flaw.empty())
+    throw InputError(fmt::format("{}: {}", where, flaw));
+  for (const rb_structure* known : structures_) {
+    if (std::string_view(known->name) == structure->name) {
+      throw InputError(fmt::format("{}: the name '{}' is taken already", where, structure->name));
+    }
   }
+  structures_.push_back(structure);
+  origins_.push_back(origin);
+}
+
+void Registry::LoadPlugin(const std::string& path) {
+  Registry trial = *this;  // all of a plugin's structures are added or none
+  for (const rb_structure* table : LoadTables(path)) trial.Add(table, path);
   *this = std::move(trial);
+}
+
+std::vector<std::string> Registry::OnRequest() const {
+  std::vector<std::string> names;
+  std::error_code none;
+  if (on_request_.empty()) return names;
+  for (const auto& entry : std::filesystem::directory_iterator(on_request_, none))
+    if (entry.path().extension() == ".so") names.push_back(entry.path().stem().string());
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+std::string Registry::FileOnRequest(std::string_view name) const {
+  return fmt::format("{}/{}.so", on_request_, name);
 }
 
 const rb_structure& Registry::Find(std::string_view name) const {
@@ -102,6 +130,16 @@ const rb_structure& Registry::Find(std::string_view name) const {
   for (const rb_structure* structure : structures_) {
     if (name == structure->name) return *structure;
     names.push_back(structure->name);
+  }
+  const std::vector<std::string> on_request = OnRequest();
+  for (const std::string& known : on_request) {
+    names.push_back(known);
+    if (name != known) continue;
+    for (const rb_structure* table : LoadTables(FileOnRequest(name))) {
+      if (std::string flaw = Flaw(*table); !flaw.empty())
+        throw InputError(fmt::format("{}: {}", FileOnRequest(name), flaw));
+      if (name == table->name) return *table;
+    }
   }
   throw InputError(
       fmt::format("unknown structure '{}'{}; see: raybench list structures", name, DidYouMean(name, names)));
@@ -111,7 +149,7 @@ std::string Registry::OriginOf(const rb_structure& structure) const {
   for (size_t i = 0; i < structures_.size(); ++i) {
     if (structures_[i] == &structure) return origins_[i];
   }
-  return {};
+  return on_request_.empty() ? std::string() : FileOnRequest(structure.name);
 }
 
 std::string Contestant::Spec() const {
@@ -138,6 +176,15 @@ Tree::Tree(const Contestant& contestant, const rb_geometry& geometry, const rb_b
     throw BuildError(fmt::format("{}: {}", contestant.Spec(), error[0] != 0 ? error : "the build failed"));
   }
   tree_ = {tree, structure_->destroy};
+}
+
+std::optional<rb_device> Tree::Device() const {
+  const rb_structure& s = *structure_;
+  if (!Reaches(s, offsetof(rb_structure, device) + sizeof s.device) || s.device == nullptr) return {};
+  rb_device device{};
+  device.struct_size = sizeof device;
+  s.device(tree_.get(), &device);
+  return device;
 }
 
 rb_build_options DefaultBuildOptions() {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -14,10 +15,22 @@
 
 namespace raybench {
 
+/// Works on a device of its own: the processor's clocks do not see it.
+inline bool IsOnDevice(const rb_structure& structure) { return (structure.capabilities & RB_DEVICE) != 0; }
+
+/// One line that says why the structure cannot be built on this machine; empty: it can, as far as it says.
+std::string WhyUnavailable(const rb_structure& structure);
+
 class Registry {
  public:
   /// Starts with every built-in structure, sorted by name.
   Registry();
+
+  /// Structures that are asked for by name alone, and so are in no list of all: NAME.so in this folder is a plugin
+  /// with the structure NAME, which Find() loads.
+  void SetOnRequest(const std::string& folder) { on_request_ = folder; }
+  /// Their names, sorted.
+  std::vector<std::string> OnRequest() const;
 
   /// Loads a shared library and adds what it exports. Plugins stay loaded until the process ends.
   /// Throws InputError naming the file when it cannot be loaded, speaks another ABI, lacks a required
@@ -32,7 +45,9 @@ class Registry {
 
  private:
   void Add(const rb_structure* structure, const std::string& origin);
+  std::string FileOnRequest(std::string_view name) const;
 
+  std::string on_request_;  ///< folder; empty: none
   std::vector<const rb_structure*> structures_;
   std::vector<std::string> origins_;
 };
@@ -63,6 +78,8 @@ class Tree {
   void Query(const rb_query& query) const { structure_->query(tree_.get(), &query); }
   void QueryCounted(const rb_query& query) const { structure_->query_counted(tree_.get(), &query); }
   uint32_t Claims() const { return structure_->claims(tree_.get()); }
+  /// What its device did so far; nothing if it works on the processor.
+  std::optional<rb_device> Device() const;
 
  private:
   const rb_structure* structure_ = nullptr;

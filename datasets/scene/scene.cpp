@@ -443,6 +443,14 @@ rb_geometry Scene::Geometry() const {
     return static_cast<const Scene*>(user)->IntersectProcedural(i, *ray, hit->t);
   };
   g.procedural_user = this;
+  static_assert(sizeof(Sphere) == sizeof(rb_sphere) && sizeof(Cone) == sizeof(rb_cone) &&
+                sizeof(Polygon) == sizeof(rb_polygon));
+  g.spheres = reinterpret_cast<const rb_sphere*>(spheres.data());
+  g.cones = reinterpret_cast<const rb_cone*>(cones.data());
+  g.polygons = reinterpret_cast<const rb_polygon*>(polygons.data());
+  g.polygon_vertices = polygon_vertices.data();
+  g.sphere_count = spheres.size(), g.cone_count = cones.size();
+  g.polygon_count = polygons.size(), g.polygon_vertex_count = polygon_vertices.size();
   return g;
 }
 

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
 
 #include "accel/host/names.h"
 #include "harness/cli/commands.h"
@@ -73,6 +74,14 @@ std::string Meant(const CLI::App& app) {
   return DidYouMean(word, std::vector<std::string_view>(names.begin(), names.end()));
 }
 
+/// Where plugins lie that come with raybench: where it was installed, else in the build folder.
+std::string FolderOnRequest() {
+  const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe").parent_path();
+  for (const char* folder : {RAYBENCH_INSTALLED_LIBRARIES "/plugins", "plugins"})
+    if (std::filesystem::exists(program / folder)) return (program / folder).lexically_normal().string();
+  return {};
+}
+
 }  // namespace
 
 int RunCommandLine(std::vector<std::string> arguments) {
@@ -120,6 +129,7 @@ int RunCommandLine(std::vector<std::string> arguments) {
 
   CatchInterrupts();
   Registry registry;
+  registry.SetOnRequest(FolderOnRequest());
   for (const std::string& plugin : invocation.plugins) registry.LoadPlugin(plugin);
   return invocation.action(registry);
 }

@@ -24,7 +24,8 @@ constexpr std::pair<uint64_t, const char*> kAbilities[] = {
     {RB_CAN_SKIP, "skips a primitive"},
     {RB_NATIVE_BATCH, "can trace the rays of a batch together (native batches)"},
     {RB_DETERMINISTIC, "same tree at any thread count"},
-    {RB_LINEAR, "every ray looks at every primitive"}};
+    {RB_LINEAR, "every ray looks at every primitive"},
+    {RB_DEVICE, "works on a device with a clock of its own"}};
 
 std::string Range(const rb_param& p) {
   switch (p.type) {
@@ -151,11 +152,25 @@ Json Describe(const Registry& registry, const rb_structure& s) {
   return json;
 }
 
+/// Why a structure that is there on request cannot be built on this machine; empty: it can.
+std::string WhyNotHere(const Registry& registry, const std::string& name) {
+  try {
+    return WhyUnavailable(registry.Find(name));
+  } catch (const InputError& error) {
+    return error.what();
+  }
+}
+
 /// One line per structure.
 int ListStructures(const Registry& registry, const ListOptions& options) {
   if (options.json) {
     Json all = Json::array();
     for (const rb_structure* s : registry.structures()) all.push_back(Describe(registry, *s));
+    for (const std::string& name : registry.OnRequest()) {
+      const std::string why = WhyNotHere(registry, name);
+      all.push_back(why.empty() ? Describe(registry, registry.Find(name)) : Json{{"name", name}});
+      all.back()["unavailable"] = why.empty() ? Json() : Json(why);
+    }
     return PrintJson(all);
   }
   std::vector<std::vector<std::string>> rows = {{"name", "family", "build", "trace", "what it is"}};
@@ -164,9 +179,15 @@ int ListStructures(const Registry& registry, const ListOptions& options) {
     rows.push_back({s->name, kind ? kind->family : "plugin", kind ? kind->build : "-",
                     kind ? kind->trace : "-", s->doc});
   }
+  for (const std::string& name : registry.OnRequest()) {
+    const std::string why = WhyNotHere(registry, name);
+    rows.push_back(
+        {name, "on request", "-", "-", why.empty() ? registry.Find(name).doc : "not here: " + why});
+  }
   PrintTable(rows);
   fmt::print(
       "\nbuild: how build time grows with the primitives; trace: how a leaf's primitives are tested.\n"
+      "On request: taken where it is named, in no list of all.\n"
       "`raybench list structure NAME` shows source and parameters of one structure.\n");
   return 0;
 }
@@ -183,6 +204,7 @@ int ListStructure(const Registry& registry, const ListOneOptions& options) {
   } else {
     PrintWrapped(2, fmt::format("plugin: {}", registry.OriginOf(s)));
   }
+  if (const std::string why = WhyUnavailable(s); !why.empty()) PrintWrapped(2, "not here: " + why);
   for (const Json& text : json["can"]) PrintWrapped(2, "- " + text.get<std::string>());
   if (s.visit != nullptr) PrintWrapped(2, "- shows its tree");
   PrintParameters({s.params, s.param_count}, s.config_size);

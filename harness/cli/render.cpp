@@ -13,6 +13,7 @@
 #include "harness/measure/measure.h"
 #include "harness/plan/build_options.h"
 #include "harness/plan/plan.h"
+#include "harness/render/device_waves.h"
 #include "harness/render/heat.h"
 #include "harness/terminal/interrupt.h"
 #include "harness/terminal/load.h"
@@ -32,6 +33,7 @@ struct RenderOptions {
   bool drop_bad = false;
   std::optional<std::string> heat, heat_structures;
   std::string heat_scale = "auto";
+  std::string waves;  ///< host, device; empty: host, and no table of them
   PictureOptions picture;
 };
 
@@ -76,6 +78,14 @@ RenderHeatOptions HeatOptionsOf(const Registry& registry, const RenderOptions& o
   return heat;
 }
 
+void PrintWaves(const TraceResult& result) {
+  fmt::print("{:<6}{:>12}{:>12}{:>12}{:>12}\n", "wave", "rays", "hits", "shadow", "blocked");
+  for (size_t w = 0; w < result.waves.size(); ++w) {
+    const WaveCounts& wave = result.waves[w];
+    fmt::print("{:<6}{:>12}{:>12}{:>12}{:>12}\n", w, wave.rays, wave.hits, wave.shadow, wave.blocked);
+  }
+}
+
 int RenderCommand(const Registry& registry, const RenderOptions& options) {
   CheckOut(options.out);
   const Contestant contestant = ParseContestant(registry, options.structure);
@@ -100,6 +110,8 @@ int RenderCommand(const Registry& registry, const RenderOptions& options) {
     throw InputError(
         fmt::format("structure '{}', scene '{}': {}", contestant.structure->name, options.scene, why));
   SetBackground(options.picture, scene);
+  const bool on_device = options.waves == "device";
+  if (on_device) RequireDeviceWaves(registry, contestant, scene, trace);
   const rb_build_options build =
       BuildOptions(options.threads, options.seed, BuildNeedsOf(scene, trace, *contestant.structure));
   const rb_geometry geometry = scene.Geometry();
@@ -112,16 +124,27 @@ int RenderCommand(const Registry& registry, const RenderOptions& options) {
     progress.Update(fraction, "rendering");
   };
   const Stopwatch trace_watch(true);
-  const TraceResult result = Trace(scene, tree, trace);
+  DevicePicture drawn;
+  if (on_device) {
+    drawn = TraceOnDevice(registry, scene, tree, trace);
+  } else {
+    drawn.result = Trace(scene, tree, trace);
+  }
+  const TraceResult& result = drawn.result;
   const double trace_seconds = trace_watch.Elapsed().wall;
   ThrowIfInterrupted();
   WriteImage(result.image, options.out, SoftwareName());
   progress.Clear();
   fmt::print("{}: {} x {}, {} built in {:.3f} s, traced and shaded in {:.3f} s\n", options.out, options.width,
              options.height, contestant.Spec(), build_seconds, trace_seconds);
+  if (on_device)
+    fmt::print("by the clock of {}: {:.3f} s for waves, {:.3f} s for copies\n", tree.Device().value().name,
+               drawn.seconds, drawn.copies);
+  if (!options.waves.empty()) PrintWaves(result);
   fmt::print("scene: {:.1f} MB\n", double(BytesOf(scene)) * 1e-6);
   fmt::print("rays: {} camera, {} shadow, {} reflection, {} refraction\n", result.camera_rays,
              result.shadow_rays, result.reflection_rays, result.refraction_rays);
+  if (on_device) return 0;
   fmt::print("hits: {} camera, {} shadow, {} reflection, {} refraction; shadow rays went on {} times\n",
              result.camera_hits, result.shadow_blocked, result.reflection_hits, result.refraction_hits,
              result.shadow_resumed);
@@ -156,6 +179,14 @@ void AddRenderCommand(CLI::App& app, Invocation& invocation) {
             ->type_name("N");
         command.add_flag("--drop-bad", render.drop_bad,
                          "Leave out bad triangles instead of refusing the file");
+        CLI::Option* waves =
+            command
+                .add_option(
+                    "--waves", render.waves,
+                    "Where the next wave's rays are made: host, or device, whose shaders queue them and "
+                    "write how many there are (vulkan_rt; no textures); shows the rays of each wave")
+                ->check(CLI::IsMember({"host", "device"}))
+                ->type_name("WHERE");
         CLI::Option* heat =
             command
                 .add_option(
@@ -165,6 +196,7 @@ void AddRenderCommand(CLI::App& app, Invocation& invocation) {
                     "holds the picture and the raw counts as channels STRUCTURE.steps and STRUCTURE.prims")
                 ->check(CLI::IsMember({"steps", "prims", "both"}))
                 ->excludes(structure)
+                ->excludes(waves)
                 ->type_name("KIND");
         command
             .add_option("--structures", render.heat_structures,

@@ -111,10 +111,11 @@ class PointRun {
     try {
       rb_build_options build = BuildOptions(1, options_.seed);
       build.needs |= RB_NEED_UV | (work_.leave ? RB_NEED_SKIP : 0);
-      const Pinned pinned(true);
+      const bool device = IsOnDevice(*e.contestant->structure);
+      const Pinned pinned(!device);
       const Stopwatch watch(/*process=*/true);
       e.tree = Tree(*e.contestant, geometry_, build);
-      e.row[column::build_ms] = watch.Elapsed().cpu * 1e3;
+      e.row[column::build_ms] = TimeOfWork(watch.Elapsed(), device) * 1e3;
     } catch (const BuildError& error) {
       ThrowIfInterrupted();
       return Skip(e, error.what());
@@ -200,10 +201,11 @@ class PointRun {
       for (Entrant& e : entrants_) {
         if (!e.tree || (pass > 0 && e.pass_ns[0] * double(e.rays.size()) > kLongPassSeconds * 1e9)) continue;
         ThrowIfInterrupted();
-        const Pinned pinned(true);
+        const bool device = IsOnDevice(e.tree.structure());
+        const Pinned pinned(!device);
         const Stopwatch watch(/*process=*/false);
         Ask(e.tree, e.Asked(), e.answers, 1);
-        e.pass_ns.push_back(watch.Elapsed().cpu * 1e9 / double(e.rays.size()));
+        e.pass_ns.push_back(TimeOfWork(watch.Elapsed(), device) * 1e9 / double(e.rays.size()));
       }
     }
     for (Entrant& e : entrants_)

@@ -63,6 +63,7 @@ class Collector : public benchmark::BenchmarkReporter {
       if (auto cpu = run.counters.find("build_cpu"); cpu != run.counters.end()) {
         sample.time.cpu = cpu->second.value / passes;
       }
+      if (run.counters.contains("device")) sample.time.cpu = sample.time.wall;
       take_(task, sample);
     }
   }
@@ -196,7 +197,7 @@ void Measure(const std::vector<TimedTask>& tasks, const std::function<void(size_
         }
         state.counters["build_cpu"] = cpu;
       } else {
-        Pinned pinned(!task.parallel);
+        Pinned pinned(!task.parallel && !task.device);
         if (task.warm_up) task.pass();
         for (auto _ : state) {
           task.pass();
@@ -204,11 +205,12 @@ void Measure(const std::vector<TimedTask>& tasks, const std::function<void(size_
         }
       }
       state.counters["sequence"] = place;
+      if (task.device) state.counters["device"] = 1;
     });
     registered->ReportAggregatesOnly(false);
     if (task.build) registered->UseManualTime();
     if (task.parallel) registered->MeasureProcessCPUTime();
-    if (task.parallel && !task.build) registered->UseRealTime();
+    if ((task.parallel || task.device) && !task.build) registered->UseRealTime();
     if (!g_user_sets_min_time)
       registered->Iterations(benchmark::IterationCount(std::max<uint64_t>(1, task.passes)));
   };

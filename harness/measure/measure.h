@@ -16,6 +16,9 @@ struct Seconds {
   double wall = 0, cpu = 0;
 };
 
+/// Of what one thread asked for: its processor time, or wall time where a device did it, which that does not see.
+inline double TimeOfWork(const Seconds& seconds, bool device) { return device ? seconds.wall : seconds.cpu; }
+
 /// Starts both clocks; cpu is the calling thread's, or with `process` that of all threads.
 class Stopwatch {
  public:
@@ -60,6 +63,7 @@ struct TimedTask {
   double sample_cost = 0;          ///< expected seconds a sample, for the progress
   bool warm_up = true;             ///< one untimed pass before each sample
   bool parallel = false;           ///< more than one thread: not pinned, the whole process's CPU time
+  bool device = false;  ///< work that processor time does not see: not pinned, wall time on both clocks
 };
 
 /// Samples of one task; fewer than it wants where the run was interrupted.

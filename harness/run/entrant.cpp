@@ -54,7 +54,8 @@ Row Entrant::ValuesOf(const PlannedCase& c) const {
   }
   Row values = build_values.begin()->second;
   values[column::build_peak_bytes] = std::optional<uint64_t>();
-  values[column::cold_ns] = std::optional<double>();
+  for (const auto& of_build : {column::cold_ns, column::device_ns, column::copies_ns})
+    values[of_build] = std::optional<double>();
   if (c.set < set_values.size()) values.Take(set_values[c.set]);
   return values;
 }

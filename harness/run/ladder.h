@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "accel/host/registry.h"
+#include "harness/base/row.h"
 #include "harness/measure/measure.h"
 #include "harness/plan/time_budget.h"
 #include "harness/run/prepared_set.h"
@@ -48,6 +49,8 @@ class Ladder {
   SamplePlan Plan(const Tree& tree, const Part& part, Seconds& cold);
   /// Passes of the tree over the part. The tree must outlive the task.
   TimedTask Task(const Tree& tree, const Part& part, const SamplePlan& plan);
+  /// By the clock of the tree's device, if it has one: the medians of five passes more.
+  void AddDeviceTimes(const Tree& tree, const Part& part, Row& row);
 
  private:
   uint32_t Last(size_t set, uint32_t threads) const;

@@ -437,6 +437,11 @@ void SceneRun::BuildAll(Entrant& entrant) {
       values[column::prim_bytes] = prims;
       values[column::needs_geometry] = needs_geometry != 0;
     }
+    if (const std::optional<rb_device> device = tree.Device()) {
+      values[column::device] = std::string(device->is_software ? "software: " : "") + device->name;
+      values[column::device_ns] = device->build * 1e9;
+      values[column::copies_ns] = device->build_copies * 1e9;
+    }
     entrant.recalled = known && SameTree(entrant.build_values.at(threads), values, tree, threads);
     if (!entrant.recalled) {
       entrant.build_seconds[threads] = seconds.wall;
@@ -454,10 +459,12 @@ void SceneRun::BuildAll(Entrant& entrant) {
 Tree SceneRun::TimedBuild(const Entrant& entrant, uint32_t threads, Seconds& seconds) const {
   rb_build_options build = BuildOptions(threads, options_.seed, record_.build_needs);
   build.memory_limit = entrant.build_limit;
-  Pinned pinned(threads == 1);
+  const bool device = entrant.Can(RB_DEVICE);
+  Pinned pinned(threads == 1 && !device);
   const Stopwatch watch(/*process=*/true);
   Tree tree(*entrant.contestant, geometry_, build);
   seconds = watch.Elapsed();
+  if (device) seconds.cpu = seconds.wall;
   return tree;
 }
 

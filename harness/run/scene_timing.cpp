@@ -64,6 +64,7 @@ TimedTask SceneRun::BuildTask(const Entrant& entrant, uint32_t threads) {
     return seconds;
   };
   task.parallel = threads > 1;
+  task.device = entrant.Can(RB_DEVICE);
   task.sample_cost = entrant.build_seconds.at(threads);
   return task;
 }
@@ -164,6 +165,7 @@ void SceneRun::StoreTimed(const Entrant& entrant, const PlannedCase& c) {
   if (!c.key.IsBuild()) {
     values[column::cold_ns] = plan.cold * 1e9 / double(rays);
     values[column::timed_rays] = rays;
+    if (entrant.tree) ladder_->AddDeviceTimes(entrant.tree, part, values);
   }
   values[column::query] = c.key.query;
   values[column::threads] = c.key.threads;

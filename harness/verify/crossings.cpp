@@ -347,7 +347,7 @@ class Count {
       std::fill(odd.begin(), odd.end(), uint8_t(0));
       const Stopwatch watch(false);
       walker.Walk(tree, primitives, rays, epsilon, see);
-      tally.seconds[way] += watch.Elapsed().cpu;
+      tally.seconds[way] += TimeOfWork(watch.Elapsed(), IsOnDevice(tree.structure()));
     };
     const auto count_all = [&](uint32_t i, uint32_t) { odd[i] ^= 1; };
     const auto judge = [&](Way way) {

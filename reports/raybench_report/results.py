@@ -53,7 +53,18 @@ def read(directory):
     samples = read_table(directory / "samples.csv")
     if cases.empty:
         raise RunError(f"{directory / 'cases.csv'}: no cases, so there is nothing to show")
+    _mark_software(cases, samples, info)
     return Run(directory, _with_labels(cases), samples, info)
+
+
+def _mark_software(cases, samples, info):
+    """What a software driver did in a device's place is never shown under the device's name."""
+    software = set(cases.loc[cases["device"].str.startswith("software: "), "spec"])
+    names = {spec: f"{spec} [software]" for spec in software}
+    for table in (cases, samples):
+        table["spec"] = table["spec"].replace(names)
+    for structure in info.get("structures") or []:
+        structure["spec"] = names.get(structure.get("spec"), structure.get("spec"))
 
 
 def timed(cases):

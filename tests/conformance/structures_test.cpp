@@ -76,8 +76,7 @@ const std::vector<std::unique_ptr<const Known>>& KnownMeshes() {
 
 /// "brute" with the numerics that the spec chooses.
 std::string BruteLike(const std::string& spec) {
-  const Registry registry;
-  const Contestant contestant = ParseContestant(registry, spec);
+  const Contestant contestant = ParseContestant(TestRegistry(), spec);
   for (uint32_t i = 0; i < contestant.structure->param_count; ++i) {
     const rb_param& p = contestant.structure->params[i];
     if (std::string_view(p.name) == "numerics")

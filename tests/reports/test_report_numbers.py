@@ -52,6 +52,17 @@ def test_times_on_parts_of_the_rays_are_scaled_by_the_anchor(tmp_path):
     assert known["grid"] == pytest.approx(300) and known["embree"] == pytest.approx(100)
 
 
+def test_a_software_driver_is_not_shown_as_the_device_it_stands_for(tmp_path):
+    noise, rows = random.Random(1), []
+    for spec, device in (("embree", ""), ("vulkan_rt", "software: llvmpipe"), ("vulkan_rt(device=1)", "Some GPU")):
+        for ray_set, query in (("build", "build"), ("camera", "closest")):
+            rows.append(case("embree", "s", ray_set, query, noise) | {"spec": spec, "device": device})
+    run = read(write_run(tmp_path / "run", rows, structures=[{"spec": "embree"}, {"spec": "vulkan_rt"}])).runs[0]
+    shown = ["embree", "vulkan_rt [software]", "vulkan_rt(device=1)"]
+    assert list(run.cases["spec"].unique()) == shown and set(run.samples["spec"]) == set(shown)
+    assert [s["spec"] for s in run.info["structures"]] == shown[:2]
+
+
 def test_exponents_of_power_laws_are_found(tmp_path):
     noise, rows = random.Random(1), []
     for size in (1000, 4000, 20_000, 100_000):

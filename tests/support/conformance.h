@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cctype>
+#include <cstdio>
 #include <string>
 #include <vector>
 
@@ -23,11 +24,17 @@ inline Scene SceneOf(const Mesh& mesh, bool drop_bad = false) {
   return scene;
 }
 
-/// Every structure at its defaults, and at every value of each of its choices and switches.
+/// Every structure at its defaults, and at every value of each of its choices and switches. With a plugin
+/// (TestRegistry()) those of the plugin alone, if this machine can build them.
 inline std::vector<std::string> Specs() {
   std::vector<std::string> specs;
-  const Registry registry;
+  const Registry& registry = TestRegistry();
   for (const rb_structure* s : registry.structures()) {
+    if (std::getenv("RAYBENCH_TEST_PLUGIN") != nullptr && registry.OriginOf(*s).empty()) continue;
+    if (const std::string why = WhyUnavailable(*s); !why.empty()) {
+      std::printf("%s is not here: %s\n", s->name, why.c_str());
+      continue;
+    }
     specs.push_back(s->name);
     for (uint32_t i = 0; i < s->param_count; ++i) {
       const rb_param& p = s->params[i];

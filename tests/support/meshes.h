@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cmath>
+#include <cstdlib>
 #include <map>
 #include <string>
 #include <vector>
@@ -220,11 +221,20 @@ inline std::vector<uint8_t> Occluded(const Tree& tree, const std::vector<rb_ray>
   return occluded;
 }
 
+/// The built-in structures, and those of the plugin that RAYBENCH_TEST_PLUGIN names.
+inline const Registry& TestRegistry() {
+  static const Registry registry = [] {
+    Registry all;
+    if (const char* plugin = std::getenv("RAYBENCH_TEST_PLUGIN")) all.LoadPlugin(plugin);
+    return all;
+  }();
+  return registry;
+}
+
 inline Tree Build(const std::string& spec, const rb_geometry& geometry, uint32_t threads = 1) {
-  static const Registry registry;
   rb_build_options options = DefaultBuildOptions();
   options.threads = threads;
-  return Tree(ParseContestant(registry, spec), geometry, options);
+  return Tree(ParseContestant(TestRegistry(), spec), geometry, options);
 }
 
 }  // namespace raybench::testing
