@@ -8,7 +8,6 @@
 #include <fmt/format.h>
 
 #include <OpenMesh/Core/Mesh/TriMesh_ArrayKernelT.hh>
-#include <OpenMesh/Core/System/omstream.hh>
 #include <OpenMesh/Tools/Subdivider/Uniform/LoopT.hh>
 #include <OpenMesh/Tools/Subdivider/Uniform/ModifiedButterFlyT.hh>
 #include <OpenMesh/Tools/Subdivider/Uniform/Sqrt3T.hh>
@@ -16,8 +15,8 @@
 #include <numeric>
 
 #include "accel/base/memory.h"
+#include "datasets/modifiers/half_edges.h"
 #include "datasets/modifiers/modifiers.h"
-#include "datasets/scene/weld.h"
 
 namespace raybench {
 namespace {
@@ -40,24 +39,7 @@ const rb_param kParams[] = {
     BoolParam("weld", "make vertices of equal coordinates one first", offsetof(Config, weld), true),
 };
 
-struct Traits : OpenMesh::DefaultTraits {
-  using Point = OpenMesh::Vec3d;
-  using Normal = OpenMesh::Vec3d;
-  VertexAttributes(OpenMesh::Attributes::None);
-  HalfedgeAttributes(OpenMesh::Attributes::PrevHalfedge);
-  EdgeAttributes(OpenMesh::Attributes::None);
-  FaceAttributes(OpenMesh::Attributes::None);
-};
-using HalfEdges = OpenMesh::TriMesh_ArrayKernelT<Traits>;
-
 namespace uniform = OpenMesh::Subdivider::Uniform;
-
-/// Keeps OpenMesh from writing to stderr what this file says in its own words.
-class QuietOpenMesh {
- public:
-  QuietOpenMesh() { omerr().disable(); }
-  ~QuietOpenMesh() { omerr().enable(); }
-};
 
 /// Loop's scheme with weights for vertices of any number of neighbours; without moving anything it cuts each
 /// edge in the middle.
@@ -108,41 +90,6 @@ std::unique_ptr<Subdivider> MakeSubdivider(uint32_t scheme, size_t neighbours) {
   }
 }
 
-/// Faces that half-edges cannot hold: how many, and the first one's id in the file.
-struct Refused {
-  uint64_t count = 0;
-  uint32_t first = 0;
-};
-
-/// The scene's triangles as half-edges; `origin` gets, for each face of the mesh, its triangle.
-HalfEdges ToHalfEdges(const Scene& scene, bool weld, uint64_t growth, std::vector<uint32_t>& origin,
-                      Refused& refused) {
-  HalfEdges mesh;
-  // Euler: about half as many vertices and one and a half times as many edges as triangles.
-  const size_t last = scene.triangles.size() * growth;
-  mesh.reserve(std::max(scene.positions.size(), last / 2), last + last / 2, last);
-  std::vector<uint32_t> same;
-  if (weld) same = WeldVertices(scene.positions);
-  std::vector<HalfEdges::VertexHandle> handles(scene.positions.size());
-  for (size_t i = 0; i < scene.triangles.size(); ++i) {
-    HalfEdges::VertexHandle corners[3];
-    for (int k = 0; k < 3; ++k) {
-      const uint32_t v = scene.triangles[i][size_t(k)], kept = weld ? same[v] : v;
-      if (!handles[kept].is_valid()) {
-        const Vec3f p = scene.positions[kept];
-        handles[kept] = mesh.add_vertex(OpenMesh::Vec3d(p.x, p.y, p.z));
-      }
-      corners[k] = handles[kept];
-    }
-    if (mesh.add_face(corners[0], corners[1], corners[2]).is_valid()) {
-      origin.push_back(uint32_t(i));
-    } else if (refused.count++ == 0) {
-      refused.first = scene.triangle_face[i];
-    }
-  }
-  return mesh;
-}
-
 /// Vertices inside the surface with two neighbours: the butterfly has no weights for them, and sqrt3 would
 /// flip an edge onto another.
 uint64_t CountTwoNeighbours(const HalfEdges& mesh) {
@@ -162,8 +109,7 @@ Scene Apply(Scene scene, const void* config, const LoadOptions& options) {
   const auto fail = [&](const std::string& what) {
     throw InputError(fmt::format("subdivide: {}: {}", scene.name, what));
   };
-  if (const uint64_t procedural = scene.primitive_count() - scene.triangles.size(); procedural > 0)
-    fail(fmt::format("{} of its primitives are procedural; only triangles can be subdivided", procedural));
+  RequireTrianglesAlone("subdivide", scene);
   // OpenMesh numbers half-edges, three a triangle, by int.
   constexpr uint64_t kMost = ((uint64_t{1} << 31) - 1) / 3, kBytesPerTriangle = 200;
   const uint64_t factor = c.scheme == kSqrt3 ? 3 : 4;
@@ -179,15 +125,7 @@ Scene Apply(Scene scene, const void* config, const LoadOptions& options) {
   const QuietOpenMesh quiet;
   std::vector<uint32_t> origin;
   origin.reserve(count);
-  Refused refused;
-  HalfEdges mesh = ToHalfEdges(scene, c.weld != 0, growth, origin, refused);
-  if (refused.count > 0 && !options.drop_bad)
-    fail(fmt::format(
-        "{} of {} faces are not manifold with those before them, face {} is the first; --drop-bad leaves "
-        "them out{}",
-        refused.count, scene.triangles.size(), refused.first,
-        c.weld != 0 ? ", weld=false keeps vertices of equal coordinates apart" : ""));
-  scene.stats.dropped_triangles += refused.count;
+  HalfEdges mesh = ToHalfEdges("subdivide", scene, c.weld != 0, growth, options.drop_bad, origin);
   const bool cuts = c.scheme == kLoop || c.scheme == kMidpoint;
   if (const uint64_t bad = cuts ? 0 : CountTwoNeighbours(mesh); bad > 0)
     fail(fmt::format(
@@ -231,16 +169,7 @@ Scene Apply(Scene scene, const void* config, const LoadOptions& options) {
     const OpenMesh::Vec3d& p = mesh.point(HalfEdges::VertexHandle(int(i)));
     scene.positions[i] = ToFloat({p[0], p[1], p[2]});
   }
-  if (!scene.normals.empty() || !scene.uvs.empty())
-    scene.stats.notes.push_back("subdivide leaves out shading normals and textures");
-  scene.normals.clear();
-  scene.uvs.clear();
-  scene.textures.clear();
-  for (Material& m : scene.materials) {
-    m.base_color_texture = -1;
-    if (m.emission_texture >= 0) m.emission = {0, 0, 0};  // without its picture all of it would glow
-    m.emission_texture = -1;
-  }
+  LeaveOutAttributes("subdivide", scene);
   scene.Finish(options.drop_bad);
   return scene;
 }

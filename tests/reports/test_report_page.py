@@ -226,7 +226,7 @@ def test_heat_maps_and_pictures_are_inside(tmp_path):
 
 def test_documentation_has_the_columns_as_they_are():
     text = (ROOT / "reports" / "README.md").read_text(encoding="utf-8")
-    for table in ("cases.csv", "samples.csv", "verdicts.csv", "crossings.csv", "extremes.csv"):
+    for table in ("cases.csv", "samples.csv", "verdicts.csv", "crossings.csv", "offset.csv", "extremes.csv"):
         assert f"\n{columns.markdown(table)}\n" in text, f"{table}: python -m raybench_report.columns has the table"
 
 

@@ -67,6 +67,6 @@ class Kind:
 
 def all_kinds():
     """In the order in which folders are tried and sections stand."""
-    from . import check, crossings, extremes, fuzz, history, run, verify
+    from . import check, crossings, extremes, fuzz, history, offset, run, verify
 
-    return [run.KIND, verify.KIND, crossings.KIND, extremes.KIND, fuzz.KIND, check.KIND, history.KIND]
+    return [run.KIND, verify.KIND, crossings.KIND, offset.KIND, extremes.KIND, fuzz.KIND, check.KIND, history.KIND]
