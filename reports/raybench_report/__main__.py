@@ -1,4 +1,5 @@
-"""Command line: python -m raybench_report DIR..., explain A B DIR, heat FOLDER --out FILE.png, check ..., history ..."""
+"""Command line: python -m raybench_report DIR..., explain A B DIR, heat FOLDER --out FILE.png, check ..., history ...,
+tradeoff ..."""
 
 import argparse
 import json
@@ -16,8 +17,8 @@ def main(argv=None):
     commands = {"heat": _heat, "explain": _explain}
     draw = commands.get(argv[0], _report) if len(argv) > 1 else _report
     try:
-        if argv[:1] in (["check"], ["history"]):
-            return _decide(argv)
+        if argv[:1] in (["check"], ["history"], ["tradeoff"]):
+            return _command(argv)
         print(draw(argv), end="")
     except SystemExit as error:  # by argparse
         return error.code
@@ -30,10 +31,12 @@ def main(argv=None):
     return 0
 
 
-def _decide(argv):
-    """`raybench check` and `raybench history`; their exit codes."""
+def _command(argv):
+    """`raybench check`, `history` and `tradeoff`; their exit codes."""
     if argv[0] == "check":  # scipy and ruptures take a while to import
         from .decide import command as chosen
+    elif argv[0] == "tradeoff":
+        from .trade import command as chosen
     else:
         from .decide import history as chosen
     return chosen.main(argv[1:])
@@ -51,7 +54,7 @@ def _report(argv):
         metavar="DIR",
         nargs="+",
         type=Path,
-        help="what run, verify, extremes, fuzz, check-plugin or check wrote with --out, or the store of history add",
+        help="what run, verify, extremes, fuzz, check-plugin, check or tradeoff wrote with --out, or the store of history add",
     )
     parser.add_argument(
         "-o", "--out", metavar="FILE", type=Path, help="the page; default: report.html in the first DIR"
@@ -62,9 +65,29 @@ def _report(argv):
         help="write figures (PDF, SVG, PNG) and tables (LaTeX, Markdown, CSV) instead, to the folder `figures`, or --out",
     )
     arguments = parser.parse_args(argv)
+    if arguments.figures:
+        from . import figures
+
+        return figures.write(
+            arguments.out or arguments.directories[0] / "figures", *_read(arguments.directories)
+        )
+    out = arguments.out or arguments.directories[0] / "report.html"
+    write_page(arguments.directories, out)
+    return f"report  {out} ({out.stat().st_size / 1e6:.1f} MB)\n"
+
+
+def write_page(directories, out):
+    """Writes the page of result folders. Throws RunError, OSError."""
+    from . import page
+
+    page.write(out, *_read(directories))
+
+
+def _read(directories):
+    """(report, sections) of result folders."""
     kinds = all_kinds()
-    found = report.read(arguments.directories, kinds)
-    sections = [
+    found = report.read(directories, kinds)
+    return found, [
         section
         for kind in kinds
         if (
@@ -72,15 +95,6 @@ def _report(argv):
         )
         for section in kind.sections(found, folders)
     ]
-    if arguments.figures:
-        from . import figures
-
-        return figures.write(arguments.out or arguments.directories[0] / "figures", found, sections)
-    from . import page
-
-    out = arguments.out or arguments.directories[0] / "report.html"
-    page.write(out, found, sections)
-    return f"report  {out} ({out.stat().st_size / 1e6:.1f} MB)\n"
 
 
 def _first(kinds, folder):
