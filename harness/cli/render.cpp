@@ -4,9 +4,11 @@
 #include <filesystem>
 #include <optional>
 
+#include "accel/base/files.h"
 #include "accel/host/parameters.h"
 #include "datasets/scene/facts.h"
 #include "datasets/scene/scene.h"
+#include "harness/base/json.h"
 #include "harness/cli/commands.h"
 #include "harness/cli/picture_options.h"
 #include "harness/measure/machine.h"
@@ -27,7 +29,7 @@ namespace fs = std::filesystem;
 namespace {
 
 struct RenderOptions {
-  std::string scene, structure = "bvh_sah", out, size;
+  std::string scene, structure = "bvh_sah", out, size, json;
   uint32_t width = 512, height = 512, depth = 4, threads = 0;
   uint64_t seed = 1;
   bool drop_bad = false;
@@ -86,6 +88,31 @@ void PrintWaves(const TraceResult& result) {
   }
 }
 
+/// What --json writes. CPU times are those of all threads.
+Json FactsOf(const RenderOptions& options, const Scene& scene, const Contestant& contestant, const Tree& tree,
+             const Seconds& build, const Seconds& trace, const TraceResult& result) {
+  uint64_t node_bytes = 0, prim_bytes = 0;
+  int needs_geometry = 0;
+  contestant.structure->memory(tree.get(), &node_bytes, &prim_bytes, &needs_geometry);
+  return {{"scene", options.scene},
+          {"primitives", scene.primitive_count()},
+          {"structure", contestant.Spec()},
+          {"width", options.width},
+          {"height", options.height},
+          {"build_seconds", build.wall},
+          {"build_cpu_seconds", build.cpu},
+          {"seconds", trace.wall},
+          {"cpu_seconds", trace.cpu},
+          {"scene_bytes", BytesOf(scene)},
+          {"node_bytes", node_bytes},
+          {"prim_bytes", prim_bytes},
+          {"rays",
+           {{"camera", result.camera_rays},
+            {"shadow", result.shadow_rays},
+            {"reflection", result.reflection_rays},
+            {"refraction", result.refraction_rays}}}};
+}
+
 int RenderCommand(const Registry& registry, const RenderOptions& options) {
   CheckOut(options.out);
   const Contestant contestant = ParseContestant(registry, options.structure);
@@ -117,7 +144,7 @@ int RenderCommand(const Registry& registry, const RenderOptions& options) {
   const rb_geometry geometry = scene.Geometry();
   const Stopwatch build_watch(true);
   const Tree tree(contestant, geometry, build);
-  const double build_seconds = build_watch.Elapsed().wall;
+  const Seconds build_time = build_watch.Elapsed();
   Progress progress;
   trace.progress = [&](double fraction) {
     ThrowIfInterrupted();
@@ -131,12 +158,15 @@ int RenderCommand(const Registry& registry, const RenderOptions& options) {
     drawn.result = Trace(scene, tree, trace);
   }
   const TraceResult& result = drawn.result;
-  const double trace_seconds = trace_watch.Elapsed().wall;
+  const Seconds trace_time = trace_watch.Elapsed();
   ThrowIfInterrupted();
   WriteImage(result.image, options.out, SoftwareName());
+  if (!options.json.empty())
+    WriteFileAtomically(options.json,
+                        Dump(FactsOf(options, scene, contestant, tree, build_time, trace_time, result)));
   progress.Clear();
   fmt::print("{}: {} x {}, {} built in {:.3f} s, traced and shaded in {:.3f} s\n", options.out, options.width,
-             options.height, contestant.Spec(), build_seconds, trace_seconds);
+             options.height, contestant.Spec(), build_time.wall, trace_time.wall);
   if (on_device)
     fmt::print("by the clock of {}: {:.3f} s for waves, {:.3f} s for copies\n", tree.Device().value().name,
                drawn.seconds, drawn.copies);
@@ -187,6 +217,11 @@ void AddRenderCommand(CLI::App& app, Invocation& invocation) {
                     "write how many there are (vulkan_rt; no textures); shows the rays of each wave")
                 ->check(CLI::IsMember({"host", "device"}))
                 ->type_name("WHERE");
+        CLI::Option* json = command
+                                .add_option("--json", render.json,
+                                            "Also write times (processor time over all threads), memory and "
+                                            "numbers of rays as JSON")
+                                ->type_name("FILE");
         CLI::Option* heat =
             command
                 .add_option(
@@ -197,6 +232,7 @@ void AddRenderCommand(CLI::App& app, Invocation& invocation) {
                 ->check(CLI::IsMember({"steps", "prims", "both"}))
                 ->excludes(structure)
                 ->excludes(waves)
+                ->excludes(json)
                 ->type_name("KIND");
         command
             .add_option("--structures", render.heat_structures,

@@ -1,8 +1,10 @@
-"""Command line: python -m raybench_report DIR..., explain A B DIR, heat FOLDER --out FILE.png, check ..., history ..., tune ..., advise ..."""
+"""Command line: python -m raybench_report DIR..., explain A B DIR, heat FOLDER --out FILE.png, check ..., history ...,
+tradeoff ..., tune ..., advise ..."""
 
 import argparse
 import json
 import sys
+from importlib import import_module
 from pathlib import Path
 
 from . import report
@@ -16,10 +18,8 @@ def main(argv=None):
     commands = {"heat": _heat, "explain": _explain}
     draw = commands.get(argv[0], _report) if len(argv) > 1 else _report
     try:
-        if argv[:1] in (["check"], ["history"]):
-            return _decide(argv)
-        if argv[:1] in (["tune"], ["advise"]):
-            return _trade(argv)
+        if argv and argv[0] in COMMANDS:
+            return _command(argv)
         print(draw(argv), end="")
     except SystemExit as error:  # by argparse
         return error.code
@@ -32,22 +32,16 @@ def main(argv=None):
     return 0
 
 
-def _decide(argv):
-    """`raybench check` and `raybench history`; their exit codes."""
-    if argv[0] == "check":  # scipy and ruptures take a while to import
-        from .decide import command as chosen
-    else:
-        from .decide import history as chosen
-    return chosen.main(argv[1:])
+# What decides, measures or advises by itself; imported when asked for: scipy, ruptures and optuna take a while.
+COMMANDS = {
+    "check": ".decide.command", "history": ".decide.history", "tradeoff": ".trade.command", "tune": ".trade.tune",
+    "advise": ".trade.advise",
+}  # fmt: skip
 
 
-def _trade(argv):
-    """`raybench tune` and `raybench advise`; their exit codes."""
-    if argv[0] == "tune":
-        from .trade import tune as chosen
-    else:
-        from .trade import advise as chosen
-    return chosen.main(argv[1:])
+def _command(argv):
+    """`raybench check` and others; their exit codes."""
+    return import_module(COMMANDS[argv[0]], __package__).main(argv[1:])
 
 
 def _report(argv):
@@ -62,7 +56,7 @@ def _report(argv):
         metavar="DIR",
         nargs="+",
         type=Path,
-        help="what run, verify, extremes, fuzz, check-plugin or check wrote with --out, or the store of history add",
+        help="what run, verify, extremes, fuzz, check-plugin, check or tradeoff wrote with --out, or the store of history add",
     )
     parser.add_argument(
         "-o", "--out", metavar="FILE", type=Path, help="the page; default: report.html in the first DIR"
@@ -73,9 +67,29 @@ def _report(argv):
         help="write figures (PDF, SVG, PNG) and tables (LaTeX, Markdown, CSV) instead, to the folder `figures`, or --out",
     )
     arguments = parser.parse_args(argv)
+    if arguments.figures:
+        from . import figures
+
+        return figures.write(
+            arguments.out or arguments.directories[0] / "figures", *_read(arguments.directories)
+        )
+    out = arguments.out or arguments.directories[0] / "report.html"
+    write_page(arguments.directories, out)
+    return f"report  {out} ({out.stat().st_size / 1e6:.1f} MB)\n"
+
+
+def write_page(directories, out):
+    """Writes the page of result folders. Throws RunError, OSError."""
+    from . import page
+
+    page.write(out, *_read(directories))
+
+
+def _read(directories):
+    """(report, sections) of result folders."""
     kinds = all_kinds()
-    found = report.read(arguments.directories, kinds)
-    sections = [
+    found = report.read(directories, kinds)
+    return found, [
         section
         for kind in kinds
         if (
@@ -83,15 +97,6 @@ def _report(argv):
         )
         for section in kind.sections(found, folders)
     ]
-    if arguments.figures:
-        from . import figures
-
-        return figures.write(arguments.out or arguments.directories[0] / "figures", found, sections)
-    from . import page
-
-    out = arguments.out or arguments.directories[0] / "report.html"
-    page.write(out, found, sections)
-    return f"report  {out} ({out.stat().st_size / 1e6:.1f} MB)\n"
 
 
 def _first(kinds, folder):

@@ -16,6 +16,7 @@ class Section:
     """A part of the page: a heading, sentences, charts, tables, and perhaps a template of its own beside the page's.
 
     nav     a short title for the row of links
+    pictures  still ones: [(heading, [(data URL, caption)])]
     answer  what stands at the top of the page: (its colour there: GOOD, BAD or NEUTRAL, sentence)
     """
 
@@ -25,6 +26,7 @@ class Section:
     says: list = field(default_factory=list)
     charts: list = field(default_factory=list)
     tables: list = field(default_factory=list)
+    pictures: list = field(default_factory=list)
     template: str | None = None
     data: dict = field(default_factory=dict)
     answer: tuple | None = None
@@ -67,6 +69,8 @@ class Kind:
 
 def all_kinds():
     """In the order in which folders are tried and sections stand."""
-    from . import check, crossings, extremes, fuzz, history, offset, run, verify
+    from . import check, crossings, extremes, fuzz, history, offset, run, tradeoff, verify
 
-    return [run.KIND, verify.KIND, crossings.KIND, offset.KIND, extremes.KIND, fuzz.KIND, check.KIND, history.KIND]
+    return [
+        run.KIND, verify.KIND, crossings.KIND, offset.KIND, extremes.KIND, fuzz.KIND, check.KIND, tradeoff.KIND, history.KIND,
+    ]  # fmt: skip

@@ -1,0 +1,179 @@
+"""Speed, memory and errors of structures: one `raybench run` and one `raybench verify` for all points of a scene."""
+
+import numpy as np
+import pandas as pd
+
+from ..results import ERRORS, RunError, read_table
+from . import knobs
+from .pareto import rate_interval
+
+AIMED = ("aimed_vertex", "aimed_edge")  # of verify: what `aimed` of run is
+FEWEST_SECONDS = 0.004  # of timing, a case
+# Where answers to the bit are promised: a right answer in other bits is right, too.
+CLIPPED = {"clip": "true", "builder": "spatial", "insertion": "exact"}
+
+
+def sets_of(points, facts):
+    """Ray sets that are timed: aimed ones where errors are scored, diffuse ones where speed alone counts."""
+    exact = {p.must_be_exact for p in points}
+    sets = ["camera", "random", *(["diffuse"] if True in exact else []), *(["aimed"] if False in exact else [])]
+    return [s for s in sets if s != "aimed" or facts["triangles"]]
+
+
+def case_seconds(count, sets, seconds):
+    """What each case may take. Throws RunError where that is too little."""
+    cases = count * (len(sets) + 1)
+    if seconds < FEWEST_SECONDS * cases:
+        raise RunError(
+            f"--seconds: {count} structures on {len(sets)} ray sets take at least {FEWEST_SECONDS * cases:.2g} s of timing; "
+            "give more, or fewer --knobs"
+        )
+    return min(0.5, seconds / cases)
+
+
+def measure(program, scene, points, structures, facts, settings, seconds, work):
+    """Rows of tradeoff.csv, and whether a claim was broken. Throws RunError."""
+    specs = _distinct(points, structures)
+    names = ",".join(specs.values())
+    sets = sets_of(points, facts)
+    each = case_seconds(len(specs), sets, seconds)
+    common = ["--rays", settings.rays, "--verify-rays", min(settings.verify_rays, 4096), "--seed", settings.seed]
+    timing = [*common, "--threads", 1, "--budget", f"{each:.4g}", "--repetitions", settings.repetitions, "--no-report"]
+    run, verified = work / "run", work / "verify"
+    program.run(
+        "run", scene, "--structures", names, "--sets", ",".join(sets), *timing, "--out", run,
+        allowed=(0, 1), phase=f"speed of {len(specs)} structures",
+    )  # fmt: skip
+    cases = read_table(run / "cases.csv")
+    verdicts = pd.DataFrame()
+    if scored := {key: spec for key, spec in specs.items() if key in _keys(points, structures, exact=False)}:
+        judged = ["random", *(AIMED if "aimed" in sets else ())]
+        program.run(
+            "verify", scene, "--structures", ",".join(scored.values()), "--sets", ",".join(judged),
+            "--rays", settings.verify_rays, "--seed", settings.seed, "--out", verified,
+            allowed=(0, 1, 3), phase=f"errors of {len(scored)} structures",
+        )  # fmt: skip
+        verdicts = read_table(verified / "verdicts.csv")
+    rows = _rows(scene, points, structures, cases, verdicts, sets)
+    for row in rows:
+        _set_commands(row, program, scene, settings, common)
+    _compare(rows)
+    return rows
+
+
+def _keys(points, structures, exact):
+    return {structures.full(p.spec) for p in points if p.must_be_exact == exact}
+
+
+def _distinct(points, structures):
+    """{full parameters: spec} of the points, Embree first, since it is the anchor."""
+    specs = {}
+    for point in sorted(points, key=lambda p: p.spec != "embree"):
+        specs.setdefault(structures.full(point.spec), point.spec)
+    if "embree" in structures.names:
+        specs = {structures.full("embree"): "embree"} | specs
+    return specs
+
+
+def _key(case):
+    """As Structures.full() of a row that raybench wrote."""
+    values = [pair.partition("=") for pair in case.params.split(",") if pair]
+    return case.structure, tuple(sorted((k, knobs.normal(v)) for k, _, v in values))
+
+
+def _rows(scene, points, structures, cases, verdicts, sets):
+    by_key = {}
+    for case in cases.itertuples():
+        by_key.setdefault(_key(case), []).append(case)
+    judged = {}
+    for row in verdicts.itertuples():
+        if row.query == "closest":
+            judged.setdefault((_key(row), "aimed" if row.ray_set in AIMED else row.ray_set), []).append(row)
+    whole = {c.ray_set: c.median_ns for c in cases.itertuples() if c.spec == c.anchor and c.status == "timed"}
+    rows = []
+    for point in points:
+        key = structures.full(point.spec)
+        found = by_key.get(key, [])
+        builds = [c for c in found if c.query == "build" and c.threads == 1]
+        for ray_set in sets:
+            case = next((c for c in found if c.ray_set == ray_set and c.order != "shuffled"), None)
+            if case is not None:
+                rows.append(_row(scene, point, case, builds[0] if builds else None, judged.get((key, ray_set)), whole))
+    return rows
+
+
+def _row(scene, point, case, build, verdicts, whole):
+    row = {
+        "scene": scene, "knob": point.knob, "point": point.label, "must_be_exact": int(point.must_be_exact),
+        "status": "measured" if case.status == "timed" else case.status, "note": case.note, "spec": case.spec,
+        "params": case.params, "claim": case.claim, "ray_set": case.ray_set, "query": case.query,
+        "hits_digest": case.hits_digest, "primitives": case.primitives,
+        "memory_bytes": case.node_bytes + case.prim_bytes, "samples": case.samples,
+    }  # fmt: skip
+    judged = verdicts or ([case] if case.verified == case.verified else [])
+    row |= _errors(judged, "rays" if verdicts else "verified")
+    if case.status == "timed":
+        # what the rays timed cost the anchor, against all rays
+        part = case.anchor_ns / whole[case.ray_set] if case.ray_set in whole and case.anchor_ns > 0 else 1.0
+        for column, ns in (("speed", case.median_ns), ("speed_lo", case.hi_ns), ("speed_hi", case.lo_ns)):
+            row[column] = 1e3 * part / ns
+    if build is not None and build.status == "timed":
+        row |= {"build_ms": build.median_ns / 1e6, "build_lo": build.lo_ns / 1e6, "build_hi": build.hi_ns / 1e6}
+    return row
+
+
+def _errors(judged, counted_as):
+    """Counts, rates and intervals over the rows of one or several sets; of t the larger error."""
+    n = int(sum(getattr(r, counted_as) for r in judged))
+    if not n:
+        return {}
+    count = {name: int(sum(getattr(r, name) for r in judged)) for name in ERRORS}
+    found = {"rays": n} | count | {f"{name}_rate": count[name] / n for name in ERRORS}
+    for name, many in (("leak", count["leak"]), ("error", sum(count.values()))):
+        found[f"{name}_rate"] = many / n
+        found[f"{name}_lo"], found[f"{name}_hi"] = rate_interval(many, n)
+    for name in ("t_error_p50", "t_error_p99", "t_error_max"):
+        values = [v for r in judged if (v := getattr(r, name)) == v]
+        found[name] = max(values) if values else np.nan
+    return found
+
+
+def _set_commands(row, program, scene, settings, common):
+    spec = row["spec"]
+    row["command"] = program.shown(
+        "run", scene, "--structures", spec if spec == "embree" else f"embree,{spec}", "--sets", row["ray_set"], *common,
+        "--threads", 1, "--no-report", "--out", "point",
+    )  # fmt: skip
+    sets = ",".join(AIMED) if row["ray_set"] == "aimed" else row["ray_set"]
+    if row["must_be_exact"] or row["ray_set"] not in ("random", "aimed"):
+        row["error_command"] = row["command"]
+    else:
+        row["error_command"] = program.shown(
+            "verify", scene, "--structures", spec, "--sets", sets, "--rays", settings.verify_rays, "--seed", settings.seed
+        )
+
+
+def _compare(rows):
+    """Marks points that must be exact and answer differently from their knob's first one on the same rays."""
+    first = {}
+    for row in rows:
+        if not row["must_be_exact"] or row["status"] != "measured":
+            continue
+        if row["claim"] not in ("watertight", "exact"):
+            row["must_be_exact"] = 0  # an inexact structure has promised nothing
+            continue
+        base = first.setdefault((row["knob"], row["ray_set"]), row)
+        if row["hits_digest"] == base["hits_digest"]:
+            continue
+        if _may_differ(row) or _may_differ(base):
+            row["note"] = f"other bits than {base['spec']}, as where primitives are cut; judged right"
+            continue
+        row["status"] = "disagrees"
+        row["note"] = f"other answers than {base['spec']} on the {row['ray_set']} rays"
+
+
+def _may_differ(row):
+    """Answers equal to the bit are promised where primitives are inserted by their bounds, and of exact arithmetic."""
+    values = dict(pair.partition("=")[::2] for pair in row["params"].split(",") if pair)
+    clipped = any(values.get(k) == v for k, v in CLIPPED.items()) or row["spec"].startswith("bvh_spatial")
+    return clipped and row["claim"] != "exact"
