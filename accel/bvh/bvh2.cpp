@@ -62,7 +62,7 @@ Bvh2::Bvh2(const rb_geometry& geometry, const BinaryTree& tree)
         for (int a = 0; a < 3; ++a)
           node.bounds[a][c] = children[c]->lo[a], node.bounds[a][c + 2] = children[c]->hi[a];
         node.child[c] = refs[2 * i + size_t(c)];
-        node.unused[c] = 0;
+        node.stand_in[c] = 0;
       }
     }
   });
