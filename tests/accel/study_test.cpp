@@ -130,7 +130,8 @@ TEST(Study, ExactIsExactWhereTraversalIsMadeForIt) {
             << structure << " " << mesh.name << " " << i;
     }
   }
-  for (const char* spec : {"bvh_sah(triangle=exact)", "bvh_sah(numerics=exact,triangle=exact,slab=padded)",
+  for (const char* spec : {"bvh_sah(numerics=exact,triangle=woop_double)", "bvh_sah(triangle=exact)",
+                           "bvh_sah(numerics=exact,triangle=exact,slab=padded)",
                            "kdtree_sah(numerics=exact,planes=padded)", "bvh_sah(slab=padded)"})
     EXPECT_EQ(Build(spec, Ball(1).Geometry()).Claims(), uint32_t(RB_CLAIM_INEXACT)) << spec;
 }
