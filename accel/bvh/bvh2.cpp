@@ -107,7 +107,7 @@ void Bvh2::LayOut(const BinaryTree& tree, const std::vector<Part>& parts, const 
     for (int c = 0; c < 2; ++c) {
       for (int a = 0; a < 3; ++a)
         node.bounds[a][c] = children[c]->lo[a], node.bounds[a][c + 2] = children[c]->hi[a];
-      node.unused[c] = 0;
+      node.stand_in[c] = 0;
     }
     if (!part.is_whole) return;  // children write their references
     stack.push_back({from.right, ref, 1});

@@ -3,7 +3,7 @@
 //
 // Node, 64 bytes, one cache line; holds the bounds of its two children:
 //
-//     x: lo0 lo1 hi0 hi1 | y: lo0 lo1 hi0 hi1 | z: lo0 lo1 hi0 hi1 | child0 child1 - -
+//     x: lo0 lo1 hi0 hi1 | y: lo0 lo1 hi0 hi1 | z: lo0 lo1 hi0 hi1 | child0 child1 | stand_in0 stand_in1
 //
 // so that three four-lane operations an axis test both children, with the planes met first in lanes 0 and 1.
 // Leaves are blocks of triangles (ray/leaf_blocks.h), told apart in the child reference: bit 31 set, then
@@ -47,6 +47,10 @@ class Bvh2 {
 
   const auto& leaves() const { return leaves_; }
 
+  /// From now on QueryStudy() takes the boxes of inner nodes at `depth`, > 0, for what they hold: a ray hits the face
+  /// where it enters, or leaves if it starts inside, as the primitive in the box whose own is largest.
+  void StandIn(uint32_t depth);
+
   MemoryUse Memory() const { return {nodes_.bytes(), leaves_.bytes(), leaves_.needs_geometry()}; }
 
   /// node(const rb_node&) in pre-order until it returns non-zero.
@@ -62,7 +66,8 @@ class Bvh2 {
 
   struct alignas(64) Node {
     float bounds[3][4];
-    uint32_t child[2], unused[2];
+    uint32_t child[2];
+    uint32_t stand_in[2];  ///< StandIn(): 1 + the primitive that stands for what the child holds; else 0
   };
   static_assert(sizeof(Node) == 64);
 
@@ -94,14 +99,20 @@ class Bvh2 {
   template <class Test, class Counter, bool kProcedural, bool kAnyHit>
   bool Leaf(uint32_t ref, const RayState<Test>& ray, rb_hit& best, Counter& counter) const;
 
+  template <class Ray, class Counter>
+  static bool StandsIn(const Node& node, const Ray& ray, Float4 m, unsigned& hit, Float4 limits, rb_hit& best,
+                       Counter& counter);
+
   template <class Fn>
   int VisitBelow(uint32_t ref, const Bounds3& box, uint32_t depth, Fn& node) const;
+  void StandInBelow(uint32_t ref, uint32_t levels);
+  uint32_t LargestBelow(uint32_t ref) const;
 
   HugeArray<Node> nodes_;
   Blocks leaves_;
   uint32_t root_ = kEmpty;
   Bounds3 bounds_;
-  bool clipped_ = false;
+  bool clipped_ = false, stands_in_ = false;
   rb_geometry geometry_{};
 };
 

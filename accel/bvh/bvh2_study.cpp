@@ -31,6 +31,38 @@ class NaiveNodeTest {
 
 }  // namespace
 
+uint32_t Bvh2::LargestBelow(uint32_t ref) const {
+  uint32_t largest = RAYBENCH_NONE;
+  float area = -1;
+  const auto take = [&](uint32_t prim) {
+    const float its = PrimBounds(geometry_, prim).HalfArea();
+    if (its > area || (its == area && prim < largest)) largest = prim, area = its;
+  };
+  if ((ref & kLeaf) != 0) {
+    for (uint32_t i = 0; i < LeafSize(ref); ++i) take(leaves_.prim(FirstBlock(ref), i));
+  } else {
+    for (const uint32_t child : nodes_[ref].child) take(LargestBelow(child));
+  }
+  return largest;
+}
+
+void Bvh2::StandInBelow(uint32_t ref, uint32_t levels) {
+  if ((ref & kLeaf) != 0) return;
+  for (int c = 0; c < 2; ++c) {
+    const uint32_t child = nodes_[ref].child[c];
+    if (levels > 1) {
+      StandInBelow(child, levels - 1);
+    } else if ((child & kLeaf) == 0) {
+      nodes_[ref].stand_in[c] = 1 + LargestBelow(child);
+    }
+  }
+}
+
+void Bvh2::StandIn(uint32_t depth) {
+  stands_in_ = true;
+  if (root_ != kEmpty) StandInBelow(root_, depth);
+}
+
 template <class Counter>
 void Bvh2::QueryStudy(const Study& study, SlabRule rule, uint32_t numerics, const rb_query& query) const {
   if (root_ == kEmpty) return ForEachRay<Counter>(query, [](auto, const RayQuery&, rb_hit&, Counter&) {});

@@ -72,6 +72,20 @@ template <class Test, class Counter, bool kProcedural, bool kAnyHit>
   }
 }
 
+/// Boxes that stand for their content, taken as leaves of one primitive, out of `hit`. True if `best` changed.
+template <class Ray, class Counter>
+inline bool Bvh2::StandsIn(const Node& node, const Ray& ray, Float4 m, unsigned& hit, Float4 limits,
+                           rb_hit& best, Counter& counter) {
+  const unsigned before = hit;
+  const bool changed = ray.TakeBoxes(node.stand_in, m, limits, hit, best);
+  for (unsigned left = before ^ hit; left != 0; left &= left - 1) {
+    counter.Step(0);
+    counter.Leaf(false);
+    counter.Prims(1, 0);
+  }
+  return changed;
+}
+
 /// The nearer child first; any-hit, which need not know, the left one.
 template <class NodeTest, class Test, class Counter, bool kProcedural, bool kAnyHit>
 [[gnu::noinline]] void Bvh2::Walk(const NodeTest& test, const RayState<Test>& ray, rb_hit& best,
@@ -92,7 +106,13 @@ template <class NodeTest, class Test, class Counter, bool kProcedural, bool kAny
       counter.Bounds(2);
       const Float4 m = test.Intervals(node.bounds, limits);
       const Float4 gap = m + __builtin_shufflevector(m, m, 2, 3, 0, 1);  // entry - exit
-      const unsigned hit = Mask(gap <= Float4{}) & 3u;
+      unsigned hit = Mask(gap <= Float4{}) & 3u;
+      if constexpr (std::is_same_v<Test, StudyTest>) {
+        if (stands_in_ && StandsIn(node, ray, m, hit, limits, best, counter)) {
+          if constexpr (kAnyHit) return;
+          limits = Float4{tnear, tnear, -Reach(ray, best), -Reach(ray, best)};
+        }
+      }
       const auto both = [&](uint32_t first, uint32_t second, float entry) {
         StayBranch();
         __builtin_prefetch(Address(second));

@@ -78,6 +78,7 @@ class BvhStructure {
     RequireWithinLimit(Memory().nodes + Memory().prims, options);
   }
   const Bvh2& bvh() const { return bvh_; }
+  void StandIn(uint32_t depth) { bvh_.StandIn(depth); }
 
  private:
   uint32_t numerics_, claim_;

@@ -58,6 +58,14 @@ constexpr rb_param TToleranceParam(size_t offset) {
                     offset, 0, 1, 0, RB_PARAM_APPROXIMATE);
 }
 
+constexpr rb_param BoxDepthParam(size_t offset, double deepest) {
+  return IntParam(
+      "max_depth",
+      "boxes at this depth stand for what they hold: rays hit their faces, named by the largest primitive "
+      "in them; the tree below is kept, and not looked at; 0: none",
+      offset, 0, deepest, 0, RB_PARAM_APPROXIMATE);
+}
+
 /// How a ray meets the two boxes of a node, where that is studied. The rules other than kAsNumerics are as published,
 /// for boxes that are not padded.
 enum class SlabRule : uint32_t {
@@ -100,8 +108,8 @@ class Study {
 
   /// No study: the structure uses its ordinary way.
   Study() = default;
-  /// `rules`: whether the structure departs from `numerics` in another way; then as_numerics is a test like the others,
-  /// as it is where t_tolerance, >= 0, is not 0. Throws std::runtime_error where `fma` is set and there is nothing to fuse.
+  /// `rules`: whether the structure departs from `numerics` in another way; then as_numerics is a test like the others, as
+  /// it is where t_tolerance, >= 0, is not 0. Throws std::runtime_error where `fma` is set and there is nothing to fuse.
   Study(uint32_t numerics, uint32_t triangle, bool fma, bool rules, double t_tolerance = 0);
 
   bool on() const { return test_ != nullptr; }
@@ -179,7 +187,25 @@ class RayState<StudyTest> {
   /// Takes the nearest hit in the block into `best`; with `any`, the first one found. True if `best` changed.
   bool Take(const rb_geometry& geometry, const StudyBlock& block, bool any, rb_hit& best) const;
 
-  /// The same for a leaf of `count` primitives, at least one, whose first place is `place`.
+  /// Two boxes side by side, those of them that stand for their content (prim - 1, 0: it does not), of which `hit` has a
+  /// bit where the ray meets one. m: entry of both, minus exit of both, no less than `limits`. Takes the nearest face into
+  /// `best`, the bits of such boxes out of `hit`. True if `best` changed.
+  bool TakeBoxes(const uint32_t (&prims)[2], Float4 m, Float4 limits, unsigned& hit, rb_hit& best) const {
+    bool changed = false;
+    for (int c = 0; c < 2; ++c) {
+      if ((hit >> c & 1) == 0 || prims[c] == 0) continue;
+      hit &= ~(1u << c);
+      // What is at a limit is no face of the box.
+      const float t = m[c] > limits[c] ? m[c] : -m[c + 2];
+      const bool is_face = m[c] > limits[c] || m[c + 2] > limits[c + 2];
+      if (!is_face || !query.Accepts(t, prims[c] - 1, best)) continue;
+      best = {t, 1.0f / 3, 1.0f / 3, prims[c] - 1};
+      changed = true;
+    }
+    return changed;
+  }
+
+  /// Take() for a leaf of `count` primitives, at least one, whose first place is `place`.
   template <class Block>
   bool TakeLeaf(const rb_geometry& geometry, const Block* block, size_t place, uint32_t count, bool any,
                 rb_hit& best) const {

@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <cstring>
+#include <set>
 
 #include "tests/support/meshes.h"
 
@@ -129,7 +130,8 @@ TEST(Study, ExactIsExactWhereTraversalIsMadeForIt) {
             << structure << " " << mesh.name << " " << i;
     }
   }
-  for (const char* spec : {"bvh_sah(triangle=exact)", "bvh_sah(numerics=exact,triangle=exact,slab=padded)",
+  for (const char* spec : {"bvh_sah(numerics=exact,triangle=woop_double)", "bvh_sah(triangle=exact)",
+                           "bvh_sah(numerics=exact,triangle=exact,slab=padded)",
                            "kdtree_sah(numerics=exact,planes=padded)", "bvh_sah(slab=padded)"})
     EXPECT_EQ(Build(spec, Ball(1).Geometry()).Claims(), uint32_t(RB_CLAIM_INEXACT)) << spec;
 }
@@ -215,6 +217,60 @@ TEST(Study, ToleranceLeavesWalksInOrder) {
     tree.Query(q);
     EXPECT_EQ(hit.prim, Closest(Build("brute", mesh.Geometry()), {ray})[0].prim);
   }
+}
+
+TEST(Study, BoxesStandInForWhatTheyHold) {
+  const Mesh mesh = Ball(3);
+  std::vector<rb_ray> rays;
+  for (rb_ray ray : RandomRays(600, 10)) {
+    const Vec3f to = LoadVec3(ray.org) + LoadVec3(ray.dir), from = Normalize(LoadVec3(ray.org)) * 3.0f,
+                d = to - from;
+    rays.push_back({{from.x, from.y, from.z}, 0, {d.x, d.y, d.z}, INFINITY});  // from outside of all boxes
+  }
+  const auto expected = Closest(Build("bvh_sah", mesh.Geometry()), rays);
+  const auto answers = [&](int depth) {
+    const Tree tree = Build("bvh_sah(leaf_size=1,max_depth=" + std::to_string(depth) + ")", mesh.Geometry());
+    EXPECT_EQ(tree.Claims(), uint32_t(RB_CLAIM_INEXACT));
+    const auto got = Closest(tree, rays);
+    const auto any = Occluded(tree, rays);
+    for (size_t i = 0; i < rays.size(); ++i) EXPECT_EQ(any[i] != 0, !IsMiss(got[i])) << depth << " " << i;
+    return got;
+  };
+  // Boxes hide what they hold, and lie the less before it the smaller they are.
+  double before = INFINITY;
+  for (int depth : {1, 4, 7}) {
+    const auto got = answers(depth);
+    std::set<uint32_t> named;
+    double ahead = 0;
+    for (size_t i = 0; i < rays.size(); ++i) {
+      if (!IsMiss(got[i])) named.insert(got[i].prim);
+      if (IsMiss(expected[i])) continue;
+      ASSERT_FALSE(IsMiss(got[i])) << depth << " " << i;
+      ASSERT_LE(got[i].t, expected[i].t * (1 + 0x1p-18f)) << depth << " " << i;
+      ahead += expected[i].t - got[i].t;
+    }
+    EXPECT_LE(named.size(), size_t{1} << depth);
+    EXPECT_LT(ahead, before) << depth;
+    EXPECT_GT(ahead, 0) << depth;
+    before = ahead;
+  }
+  // Deeper than the tree there is nothing to stand for.
+  const auto all = answers(100);
+  for (size_t i = 0; i < rays.size(); ++i)
+    ASSERT_EQ(std::memcmp(&all[i], &expected[i], sizeof all[i]), 0) << i;
+}
+
+TEST(Study, BoxesAreLeftByRaysThatStartInside) {
+  const Mesh mesh = Ball(3);
+  const Tree tree = Build("bvh_sah(max_depth=1)", mesh.Geometry());
+  Bounds3 box = BoundsOf(mesh);
+  const rb_ray along{{0.2f, 0.1f, 0.3f}, 0, {1, 0, 0}, INFINITY};
+  const rb_hit hit = Closest(tree, {along})[0];
+  ASSERT_FALSE(IsMiss(hit));
+  EXPECT_LE(hit.t, (box.hi.x - 0.2f) * 1.0001f);
+  rb_ray shorter = along;
+  shorter.tfar = hit.t * 0.5f;
+  EXPECT_TRUE(IsMiss(Closest(tree, {shorter})[0])) << "the end of a ray is no face";
 }
 
 /// The same tree under every rule: what differs is the test.

@@ -11,8 +11,8 @@
 // traversal stack's; the same tree at any thread count.
 //
 // Parameters: more bins find better planes and take longer; `reinsertion` improves the tree after it is
-// built (accel/bvh/reinsertion.h); `triangle`, `slab`, `fma` and `t_tolerance` are for the study of
-// accuracy (accel/ray/study.h).
+// built (accel/bvh/reinsertion.h); `triangle`, `slab`, `fma`, `t_tolerance` and `max_depth` are for the
+// study of accuracy (accel/ray/study.h).
 #include "accel/bvh/binned_sah.h"
 #include "accel/bvh/structure.h"
 #include "accel/ray/study.h"
@@ -27,6 +27,7 @@ class BvhSah : public BvhStructure {
     int64_t bins;
     uint32_t triangle, slab, fma;
     double t_tolerance;
+    int64_t max_depth;
 
     bool Padded() const { return bvh.Padded() && SlabRule(slab) == SlabRule::kAsNumerics; }
   };
@@ -43,7 +44,8 @@ class BvhSah : public BvhStructure {
                                       TriangleParam(offsetof(Config, triangle)),
                                       SlabParam(offsetof(Config, slab)),
                                       FmaParam(offsetof(Config, fma)),
-                                      TToleranceParam(offsetof(Config, t_tolerance))};
+                                      TToleranceParam(offsetof(Config, t_tolerance)),
+                                      BoxDepthParam(offsetof(Config, max_depth), kMaxTreeDepth)};
     return params;
   }
 
@@ -57,8 +59,9 @@ class BvhSah : public BvhStructure {
         geometry_(geometry),
         numerics_(config.bvh.numerics),
         slab_{config.slab},
-        study_(numerics_, config.triangle, config.fma != 0, slab_ != SlabRule::kAsNumerics,
-               config.t_tolerance) {
+        study_(numerics_, config.triangle, config.fma != 0,
+               slab_ != SlabRule::kAsNumerics || config.max_depth > 0, config.t_tolerance) {
+    if (config.max_depth > 0) StandIn(uint32_t(config.max_depth));
     const MemoryUse use = BvhStructure::Memory();
     study_.Precompute(geometry, bvh().leaves(), use.nodes + use.prims, options);
   }
