@@ -41,9 +41,9 @@ struct BuildNode {
   uint32_t count;  ///< leaf: number of primitives, > 0; inner: 0
 };
 
-/// The root has slot 0. A subtree over n entries of `order` owns 2n-1 slots from its root's on: its left
-/// child's subtree, then its right child's. So slots are known without counting, whatever thread builds what,
-/// and stand in depth-first order (with gaps where leaves hold several primitives).
+/// The root has slot 0. Nodes stand in depth-first order: a left child follows its parent, the right child's subtree the
+/// left one's. There may be slots between subtrees that are not in use: then a subtree over n entries of `order` owns
+/// 2n - 1 slots from its root's on, so that they are known without counting.
 struct BinaryTree {
   HugeArray<BuildNode> nodes;
   HugeArray<uint32_t> order;  ///< primitive ids, permuted; with repeats if `clipped`

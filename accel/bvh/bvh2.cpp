@@ -39,7 +39,7 @@ Bvh2::Bvh2(const rb_geometry& geometry, const BinaryTree& tree)
 }
 
 std::vector<Bvh2::Part> Bvh2::Divide(const BinaryTree& tree) {
-  constexpr uint32_t kWholeSlots = 1u << 12;
+  constexpr uint32_t kWholeSlots = 1u << 11;
   std::vector<Part> parts;
   std::vector<Part> stack{{0, uint32_t(tree.nodes.size()), 0, kEmpty, 0, false}};
   while (!stack.empty()) {

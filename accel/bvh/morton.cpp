@@ -37,56 +37,45 @@ uint64_t MortonGrid::Code(const Record& record) const {
   return Spread(uint32_t(cell[0])) << 2 | Spread(uint32_t(cell[1])) << 1 | Spread(uint32_t(cell[2]));
 }
 
-MortonOrder::MortonOrder(const HugeArray<Record>& records, const Box4& centroids) : items_(records.size()) {
+MortonOrder::MortonOrder(const HugeArray<Record>& records, const Box4& centroids)
+    : items_(records.size()), low_(records.size()) {
   const MortonGrid grid(centroids);
   ForBlocks(0, items_.size(), [&](size_t begin, size_t end) {
-    for (size_t i = begin; i < end; ++i)
-      items_[i] = {uint32_t(grid.Code(records[i]) >> kLowBits), uint32_t(i)};
+    for (size_t i = begin; i < end; ++i) {
+      const uint64_t code = grid.Code(records[i]);
+      items_[i] = {uint32_t(code >> kLowBits), uint32_t(i)};
+      low_[i] = uint32_t(code) & ((1u << kLowBits) - 1);
+    }
   });
-  {
-    HugeArray<Item> scratch(items_.size());
-    RadixSort(items_, scratch, kMortonBits - kLowBits, [](const Item& item) { return item.high; });
-  }
-  low_ = HugeArray<uint32_t>(items_.size());
-  SortRuns(records, grid);
-}
-
-void MortonOrder::SortRuns(const HugeArray<Record>& records, const MortonGrid& grid) {
+  HugeArray<Item> scratch(items_.size());
+  RadixSort(items_, scratch, kMortonBits - kLowBits, [](const Item& item) { return item.high; });
   const auto same = [&](size_t a, size_t b) { return items_[a].high == items_[b].high; };
   ForBlocks(0, items_.size(), [&](size_t begin, size_t end) {
-    // A run belongs to the block in which it begins.
+    // A run of equal ones belongs to the block in which it begins.
     size_t i = begin;
     while (i > 0 && i < end && same(i - 1, i)) ++i;
     while (i < end) {
       size_t next = i + 1;
       while (next < items_.size() && same(i, next)) ++next;
-      if (next > i + 1) SortRun(i, next, records, grid);
+      if (next > i + 1) SortRun(i, next);
       i = next;
     }
   });
 }
 
-void MortonOrder::SortRun(size_t begin, size_t end, const HugeArray<Record>& records,
-                          const MortonGrid& grid) {
-  constexpr size_t kShort = 16, kAhead = 16;
+void MortonOrder::SortRun(size_t begin, size_t end) {
+  constexpr size_t kShort = 16;
   uint64_t few[kShort];
   std::vector<uint64_t> many(end - begin > kShort ? end - begin : 0);
   uint64_t* const keys = many.empty() ? few : many.data();
-  for (size_t i = begin; i < end; ++i) {
-    __builtin_prefetch(&records[items_[std::min(i + kAhead, end - 1)].prim]);
-    const uint32_t prim = items_[i].prim;
-    const uint64_t low = grid.Code(records[prim]) & ((uint64_t{1} << kLowBits) - 1);
-    keys[i - begin] = low << 32 | prim;
-  }
+  for (size_t i = begin; i < end; ++i)
+    keys[i - begin] = uint64_t{low_[items_[i].prim]} << 32 | items_[i].prim;
   if (many.empty()) {
     std::sort(keys, keys + (end - begin));
   } else {
     ParallelSort(keys, keys + (end - begin));
   }
-  for (size_t i = begin; i < end; ++i) {
-    items_[i].prim = uint32_t(keys[i - begin]);
-    low_[i] = uint32_t(keys[i - begin] >> 32);
-  }
+  for (size_t i = begin; i < end; ++i) items_[i].prim = uint32_t(keys[i - begin]);
 }
 
 size_t MortonOrder::Cut(size_t begin, size_t end) const {
@@ -102,7 +91,7 @@ size_t MortonOrder::Cut(size_t begin, size_t end) const {
     return ones;
   };
   const size_t ones = cut([&](size_t i) { return items_[i].high; });
-  return ones > begin || end - begin < 2 ? ones : cut([&](size_t i) { return low_[i]; });
+  return ones > begin || end - begin < 2 ? ones : cut([&](size_t i) { return low_[items_[i].prim]; });
 }
 
 }  // namespace raybench

@@ -43,11 +43,11 @@ class MortonOrder {
   struct Item {
     uint32_t high, prim;
   };
-  void SortRuns(const HugeArray<Record>& records, const MortonGrid& grid);
-  void SortRun(size_t begin, size_t end, const HugeArray<Record>& records, const MortonGrid& grid);
+  /// Of entries that agree in the upper bits.
+  void SortRun(size_t begin, size_t end);
 
   HugeArray<Item> items_;
-  HugeArray<uint32_t> low_;  // the code's lower bits, where neighbours agree in the upper ones
+  HugeArray<uint32_t> low_;  // by primitive: the code's lower bits
 };
 
 }  // namespace raybench

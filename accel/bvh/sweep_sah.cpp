@@ -98,7 +98,10 @@ class SweepBuilder {
       return false;
     }
     const size_t lefts = depth < kSahDepth ? cuts[best].lefts : n / 2, middle = begin + lefts;
-    for (size_t i = begin; i < end; ++i) goes_left_[by_[best][i].id()] = i < middle;
+    const auto mark = [&](size_t from, size_t to) {
+      for (size_t i = from; i < to; ++i) goes_left_[by_[best][i].id()] = i < middle;
+    };
+    n >= kParallelRange ? ForBlocks(begin, end, mark) : mark(begin, end);
     EachAxis(n, [&](int axis) {
       if (axis != best) Partition(axis, begin, end);
     });
