@@ -10,7 +10,8 @@ namespace raybench {
 namespace {
 
 rb_picture_entry EntryOf(const Registry& registry, const rb_structure& structure) {
-  const std::string plugin = registry.OriginOf(structure);
+  std::string plugin = registry.OriginOf(structure);
+  if (!plugin.empty() && plugin.find('/') == plugin.npos) plugin = "./" + plugin;  // as it was loaded
   void* const library = plugin.empty() ? nullptr : dlopen(plugin.c_str(), RTLD_NOW | RTLD_NOLOAD);
   void* const entry = library != nullptr ? dlsym(library, RAYBENCH_PICTURE_ENTRY) : nullptr;
   if (entry == nullptr)

@@ -71,16 +71,20 @@ bool Counts(RayQuery q, float t, uint prim) {
 }
 bool ComesBefore(float t, uint prim, Hit best) { return t < best.t || (t == best.t && prim < best.prim); }
 
-// The interval that the driver is given. Whether it counts hits at its ends is not relied on: where candidates are
-// looked at it is wider by 2^-20 at either end, else the open end is moved to the next number that is no subnormal.
-void IntervalOf(RayQuery q, out float tmin, out float tmax) {
+float NextAbove(float x) { return min(uintBitsToFloat(floatBitsToUint(x) + 1), kMaxFloat); }  // x >= 0
+
+// The interval that the driver is given. Whether it counts hits at its ends is not relied on (lavapipe does not). Where
+// candidates are looked at it is wider by 2^-20 at either end. Else the ends are such that a hit at tfar is found if the
+// driver counts none at its ends; if it does, and so comes upon one outside of (tnear, tfar], the ray is traced
+// again with the ends `inside`.
+void IntervalOf(RayQuery q, bool inside, out float tmin, out float tmax) {
   const float tfar = min(q.ray.tfar, kMaxFloat);
   if (kFiltered) {
     tmin = q.ray.tnear * (1 - 9.5367431640625e-7);
     tmax = min(tfar * (1 + 9.5367431640625e-7), kMaxFloat);
   } else {
-    tmin = max(uintBitsToFloat(floatBitsToUint(q.ray.tnear) + 1), kMinNormal);
-    tmax = tfar;
+    tmin = inside ? max(NextAbove(q.ray.tnear), kMinNormal) : q.ray.tnear;
+    tmax = inside ? tfar : NextAbove(tfar);
   }
 }
 bool IsEmpty(RayQuery q) { return !(q.ray.tnear <= q.ray.tfar); }

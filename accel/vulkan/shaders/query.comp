@@ -59,9 +59,15 @@ void main() {
   Hit best = Hit(q.ray.tfar, 0, 0, kNone);
   if (!IsEmpty(q)) {
     float tmin, tmax;
-    IntervalOf(q, tmin, tmax);
-    uint flags = kFiltered ? gl_RayFlagsNoOpaqueEXT : gl_RayFlagsOpaqueEXT;
-    if (tmin <= tmax) Look(q, kAnyHit ? flags | gl_RayFlagsTerminateOnFirstHitEXT : flags, tmin, tmax, false, best);
+    IntervalOf(q, false, tmin, tmax);
+    const uint flags = kFiltered ? gl_RayFlagsNoOpaqueEXT : gl_RayFlagsOpaqueEXT,
+               first = kAnyHit ? flags | gl_RayFlagsTerminateOnFirstHitEXT : flags;
+    Look(q, first, tmin, tmax, false, best);
+    if (!kFiltered && best.prim != kNone && !Counts(q, best.t, best.prim)) {
+      best = Hit(q.ray.tfar, 0, 0, kNone);
+      IntervalOf(q, true, tmin, tmax);
+      if (tmin <= tmax) Look(q, first, tmin, tmax, false, best);
+    }
     // Of hits at the same t the lowest id wins: another look, at what is there.
     if (kFiltered && !kAnyHit && best.prim != kNone) {
       const float t = best.t;

@@ -7,9 +7,10 @@
 #include "payload.glsl"
 
 layout(location = 0) rayPayloadInEXT Payload payload;
-hitAttributeEXT vec2 uv;
+hitAttributeEXT vec2 barycentrics;
 
 void main() {
   CountCall(kClosest);
+  const vec2 uv = AttributesOf(gl_HitKindEXT, barycentrics);
   payload.hit = Hit(gl_HitTEXT, uv.x, uv.y, PrimOf(gl_InstanceCustomIndexEXT, gl_PrimitiveID));
 }
