@@ -5,9 +5,7 @@ import json
 import sys
 from pathlib import Path
 
-from . import report
-from .kinds import all_kinds
-from .results import RunError
+from .errors import RunError
 
 
 def main(argv=None):
@@ -73,6 +71,9 @@ def _report(argv):
         help="write figures (PDF, SVG, PNG) and tables (LaTeX, Markdown, CSV) instead, to the folder `figures`, or --out",
     )
     arguments = parser.parse_args(argv)
+    from . import report  # pandas takes a while to import
+    from .kinds import all_kinds
+
     kinds = all_kinds()
     found = report.read(arguments.directories, kinds)
     sections = [
@@ -100,7 +101,8 @@ def _first(kinds, folder):
 
 def _explain(argv):
     """Prints why one structure is slower than another."""
-    from . import explain
+    from . import explain, report
+    from .kinds import all_kinds
 
     parser = argparse.ArgumentParser(
         prog="raybench explain",

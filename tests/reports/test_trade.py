@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raybench_report.results import RunError
+from raybench_report.errors import RunError
 from raybench_report.trade import advice, candidates, costs, space
 from raybench_report.trade.candidates import Candidate
 from raybench_report.trade.costs import Line
@@ -86,7 +86,7 @@ class FakeTrials:
     """Lines of cost with noise and a machine whose speed drifts."""
 
     training_rays = 16384
-    facts = {"scene": "made up", "primitives": 1000, "sets": [{"set": "camera", "share": 1.0}]}
+    facts = {"scene": "made up", "primitives": 1000, "memory_limit": 10**6, "sets": [{"set": "camera", "share": 1.0}]}
 
     def __init__(self, lines, claims=None, noise=0.02):
         self._lines, self._claims = {line.spec: line for line in lines}, claims or {}
@@ -155,6 +155,13 @@ def test_memory_admission_and_those_tried_only_after_others():
     assert [c.spec for c in found.run()] == ["after_fits", "fits"]
     out = {c.spec: c.out for c in found.all}
     assert "MB" in out["big"] and "inexact" in out["leaky"] and "not near" in out["after_big"]
+
+
+def test_trees_that_are_kept_leave_room_for_the_next():
+    lines = [Line(f"like_{i}", 0.03, 210 - 10 * i, 300_000) for i in range(5)]
+    found = search(lines, 1e6)
+    assert [c.spec for c in found.run()] == ["like_4"]
+    assert [c.out != "" for c in found.all] == [True] * 4 + [False]
 
 
 def test_a_spent_budget_leaves_the_first_and_says_so():

@@ -5,9 +5,9 @@ numbers of rays. reports/TUNE.md has the table.
     python3 tests/tools/advise_quality.py build/release/raybench --out advise_quality.csv
 
 Each point of the grid is built nine times and traces all rays of the mix in nine rounds beside an anchor: as many samples
-as `raybench run` takes, of an eighth of its rays. The best four points of the grid and the advice are then measured once more, by turns,
-on rays that neither has seen; the advice's time is divided by the least of the grid's. Both are timed by the processor
-time of all that they start.
+as `raybench run` takes, of an eighth of its rays. The best four points of the grid and the advice are then measured once
+more, by turns, on rays that neither has seen; the advice's time is divided by the least of the grid's. Both are timed by
+the processor time of all that they start.
 """
 
 import argparse

@@ -211,15 +211,14 @@ def _required(a):
         rows.append(f"No wrong answers: the advice claims to be {claims}; against exact truth {errors} were wrong.")
         if a.tempting:
             others = ", ".join(f"{spec} {ratio:.2f}" for spec, ratio in a.tempting.items())
-            rows.append(f"What that costs: structures that leak at edges would take, in its units, {others} (--max-error).")
+            rows.append(f"What that costs: those that leak at edges would take, in its units, {others} (--max-error).")
     else:
         rows.append(
             f"At most {a.arguments.max_error:g} of the answers wrong: the advice claims to be {claims}; {errors} were."
         )
         if not a.admission.can_be_shown:
-            rows.append(
-                f"So low a rate cannot be shown by {a.admission.rays:,} rays; only what claims to be watertight was tried."
-            )
+            few = f"{a.admission.rays:,} rays"
+            rows.append(f"So low a rate cannot be shown by {few}; only what claims to be watertight was tried.")
     rows += a.precision.sentences()
     rows.append(f"Its t was off by at most {mix['t_error_max']:.2g} ulp on rays of the mix.")
     if a.offset:
