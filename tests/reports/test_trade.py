@@ -204,7 +204,7 @@ def test_the_sentences_say_what_was_measured():
     assert "from 0 to " in text and "million on: slow" in text
     assert "textures: there are no texture coordinates" in text and "The picture needs shadow rays." in text
     assert "3 of 4,096 aimed at edges and vertices were wrong" in text and "embree 0.80" in text
-    assert "Float is enough: the shortest edge is 5,000 spacings" in text and "Take error-bound." in text
+    assert "Float is enough: 99 % of the triangles are larger than 5,000 spacings" in text and "Take error-bound." in text
 
 
 def test_a_rate_that_cannot_be_shown_is_said_and_frames_are_multiplied():
@@ -220,18 +220,24 @@ def test_json_has_the_same_advice():
 
 
 @pytest.mark.parametrize(
-    ("feature", "numerics", "words"),
-    [(5000, None, "Float is enough"), (5, "double", "made in double"), (1, "double", "No arithmetic can save")],
+    ("small", "numerics", "words"),
+    [(5000, None, "Float is enough"), (5, "double", "made in double"), (1, None, "No arithmetic can save")],
 )
-def test_which_precision_a_scene_requires(feature, numerics, words):
-    precision = advice.Precision(feature, 1.0)
-    assert precision.numerics == numerics and precision.sentences()[0].startswith((words, "Float is not enough"))
-    assert words in precision.sentences()[0]
+def test_which_precision_a_scene_requires(small, numerics, words):
+    precision = advice.Precision(small, small, 1.0)
+    assert precision.numerics == numerics and words in precision.sentences()[0]
 
 
-def test_a_scene_far_from_the_origin_is_told():
-    far = {**SCENE, "bounds": {"lo": [999, 0, 0], "hi": [1001, 1, 1]}}
-    assert "1,001 times" in advice.Precision.of(far).sentences()[1]
+def test_sizes_are_in_spacings_of_float():
+    far = {**SCENE, "bounds": {"lo": [1048576, 0, 0], "hi": [1048578, 1, 1]}, "triangle_area": {"percent_1": 0.5}}
+    precision = advice.Precision.of(far)
+    assert precision.small == float(1 / np.spacing(np.float32(1048578)))
+    assert "1,048,578 times" in precision.sentences()[1]
+
+
+def test_one_sliver_does_not_decide():
+    precision = advice.Precision(5000, 1e-9, 1.0)
+    assert precision.numerics is None and "shortest edge of all is 1e-09" in precision.sentences()[1]
 
 
 # ---- what is tuned ----
