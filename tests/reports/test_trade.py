@@ -204,7 +204,9 @@ def test_the_sentences_say_what_was_measured():
     assert "from 0 to " in text and "million on: slow" in text
     assert "textures: there are no texture coordinates" in text and "The picture needs shadow rays." in text
     assert "3 of 4,096 aimed at edges and vertices were wrong" in text and "embree 0.80" in text
-    assert "Float is enough: 99 % of the triangles are larger than 5,000 spacings" in text and "Take error-bound." in text
+    assert (
+        "Float is enough: 99 % of the triangles are larger than 5,000 spacings" in text and "Take error-bound." in text
+    )
 
 
 def test_a_rate_that_cannot_be_shown_is_said_and_frames_are_multiplied():

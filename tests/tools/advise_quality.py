@@ -1,4 +1,3 @@
-#!/usr/bin/env python3
 """Is `raybench advise` right? Its advice against the best point of an exhaustive grid, on nine scenes and for three
 numbers of rays. reports/TUNE.md has the table.
 

@@ -44,7 +44,9 @@ class Precision:
         if self.small >= ENOUGH_ULP:
             rows = [f"Float is enough: {size}."]
             if self.shortest < ENOUGH_ULP:
-                rows.append(f"But the shortest edge of all is {_short(self.shortest)} spacings: that one may be missed.")
+                rows.append(
+                    f"But the shortest edge of all is {_short(self.shortest)} spacings: that one may be missed."
+                )
         elif self.small >= COARSE_ULP:
             rows = [f"Float is not enough for hits on the smallest features, so tests are made in double: {size}."]
         else:
