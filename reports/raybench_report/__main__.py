@@ -7,9 +7,7 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
-from . import report
-from .kinds import all_kinds
-from .results import RunError
+from .errors import RunError
 
 
 def main(argv=None):
@@ -87,6 +85,9 @@ def write_page(directories, out):
 
 def _read(directories):
     """(report, sections) of result folders."""
+    from . import report  # pandas takes a while to import
+    from .kinds import all_kinds
+
     kinds = all_kinds()
     found = report.read(directories, kinds)
     return found, [
@@ -105,7 +106,8 @@ def _first(kinds, folder):
 
 def _explain(argv):
     """Prints why one structure is slower than another."""
-    from . import explain
+    from . import explain, report
+    from .kinds import all_kinds
 
     parser = argparse.ArgumentParser(
         prog="raybench explain",

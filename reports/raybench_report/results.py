@@ -8,6 +8,7 @@ from pathlib import Path
 import pandas as pd
 
 from . import columns
+from .errors import RunError
 
 VERDICTS = [
     "exact", "tie", "neighbour", "leak", "wrong", "wrong_marginal", "false_miss", "false_miss_marginal", "false_hit",
@@ -19,10 +20,6 @@ ERRORS = ["leak", "wrong", "false_miss", "false_hit"]
 
 # The structure that always misses: what it costs is the harness's own cost.
 NULL = "null"
-
-
-class RunError(Exception):
-    """The directory does not hold a run that can be drawn; one line that says why."""
 
 
 @dataclass

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raybench_report.results import RunError
+from raybench_report.errors import RunError
 from raybench_report.trade import advice, candidates, costs, space
 from raybench_report.trade.candidates import Candidate
 from raybench_report.trade.costs import Line
@@ -86,7 +86,7 @@ class FakeTrials:
     """Lines of cost with noise and a machine whose speed drifts."""
 
     training_rays = 16384
-    facts = {"scene": "made up", "primitives": 1000, "sets": [{"set": "camera", "share": 1.0}]}
+    facts = {"scene": "made up", "primitives": 1000, "memory_limit": 10**6, "sets": [{"set": "camera", "share": 1.0}]}
 
     def __init__(self, lines, claims=None, noise=0.02):
         self._lines, self._claims = {line.spec: line for line in lines}, claims or {}
@@ -157,6 +157,13 @@ def test_memory_admission_and_those_tried_only_after_others():
     assert "MB" in out["big"] and "inexact" in out["leaky"] and "not near" in out["after_big"]
 
 
+def test_trees_that_are_kept_leave_room_for_the_next():
+    lines = [Line(f"like_{i}", 0.03, 210 - 10 * i, 300_000) for i in range(5)]
+    found = search(lines, 1e6)
+    assert [c.spec for c in found.run()] == ["like_4"]
+    assert [c.out != "" for c in found.all] == [True] * 4 + [False]
+
+
 def test_a_spent_budget_leaves_the_first_and_says_so():
     found = search(MANY, 1e6, seconds=0)
     assert [c.spec for c in found.run()] == ["quick"] and found.over()
@@ -197,7 +204,9 @@ def test_the_sentences_say_what_was_measured():
     assert "from 0 to " in text and "million on: slow" in text
     assert "textures: there are no texture coordinates" in text and "The picture needs shadow rays." in text
     assert "3 of 4,096 aimed at edges and vertices were wrong" in text and "embree 0.80" in text
-    assert "Float is enough: the shortest edge is 5,000 spacings" in text and "Take error-bound." in text
+    assert (
+        "Float is enough: 99 % of the triangles are larger than 5,000 spacings" in text and "Take error-bound." in text
+    )
 
 
 def test_a_rate_that_cannot_be_shown_is_said_and_frames_are_multiplied():
@@ -213,18 +222,24 @@ def test_json_has_the_same_advice():
 
 
 @pytest.mark.parametrize(
-    ("feature", "numerics", "words"),
-    [(5000, None, "Float is enough"), (5, "double", "made in double"), (1, "double", "No arithmetic can save")],
+    ("small", "numerics", "words"),
+    [(5000, None, "Float is enough"), (5, "double", "made in double"), (1, None, "No arithmetic can save")],
 )
-def test_which_precision_a_scene_requires(feature, numerics, words):
-    precision = advice.Precision(feature, 1.0)
-    assert precision.numerics == numerics and precision.sentences()[0].startswith((words, "Float is not enough"))
-    assert words in precision.sentences()[0]
+def test_which_precision_a_scene_requires(small, numerics, words):
+    precision = advice.Precision(small, small, 1.0)
+    assert precision.numerics == numerics and words in precision.sentences()[0]
 
 
-def test_a_scene_far_from_the_origin_is_told():
-    far = {**SCENE, "bounds": {"lo": [999, 0, 0], "hi": [1001, 1, 1]}}
-    assert "1,001 times" in advice.Precision.of(far).sentences()[1]
+def test_sizes_are_in_spacings_of_float():
+    far = {**SCENE, "bounds": {"lo": [1048576, 0, 0], "hi": [1048578, 1, 1]}, "triangle_area": {"percent_1": 0.5}}
+    precision = advice.Precision.of(far)
+    assert precision.small == float(1 / np.spacing(np.float32(1048578)))
+    assert "1,048,578 times" in precision.sentences()[1]
+
+
+def test_one_sliver_does_not_decide():
+    precision = advice.Precision(5000, 1e-9, 1.0)
+    assert precision.numerics is None and "shortest edge of all is 1e-09" in precision.sentences()[1]
 
 
 # ---- what is tuned ----

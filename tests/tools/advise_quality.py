@@ -1,13 +1,12 @@
-#!/usr/bin/env python3
 """Is `raybench advise` right? Its advice against the best point of an exhaustive grid, on nine scenes and for three
 numbers of rays. reports/TUNE.md has the table.
 
     python3 tests/tools/advise_quality.py build/release/raybench --out advise_quality.csv
 
 Each point of the grid is built nine times and traces all rays of the mix in nine rounds beside an anchor: as many samples
-as `raybench run` takes, of an eighth of its rays. The best four points of the grid and the advice are then measured once more, by turns,
-on rays that neither has seen; the advice's time is divided by the least of the grid's. Both are timed by the processor
-time of all that they start.
+as `raybench run` takes, of an eighth of its rays. The best four points of the grid and the advice are then measured once
+more, by turns, on rays that neither has seen; the advice's time is divided by the least of the grid's. Both are timed by
+the processor time of all that they start.
 """
 
 import argparse
@@ -82,16 +81,18 @@ def advised(program, scene, rays, seed):
 
 
 def compare(program, scene, specs, rays, seed):
-    """Total seconds of each, a row each and a column for each round, on rays held out."""
-    totals, random = [], np.random.default_rng(seed)
+    """Total seconds of each, a row each and a column for each round, on rays held out. Trees are built anew each round, or
+    each seventh where building is less than 1 % of the total."""
+    totals, random, built = [], np.random.default_rng(seed), []
     with Trials(program, scene, seed=seed) as trials:
-        for _ in range(PAIRS + 1):
-            built = [None] * len(specs)
-            for i in random.permutation(len(specs)):  # the first to be built finds another state of the memory
-                built[i] = trials.build(specs[i])
+        for i in range(PAIRS + 1):
+            if not built or i % 7 == 0 or any(b.seconds > 0.01 * t for b, t in zip(built, totals[-1])):
+                trials.drop(*[b.tree for b in built])
+                built = [None] * len(specs)
+                for k in random.permutation(len(specs)):  # the first to be built finds another state of the memory
+                    built[k] = trials.build(specs[k])
             ns = trials.time([b.tree for b in built], trials.held_out_rays, 2, held_out=True)[:, 1]
             totals.append([b.seconds + rays * 1e-9 * t for b, t in zip(built, ns)])
-            trials.drop(*[b.tree for b in built])
     return np.array(totals[1:]).T
 
 

@@ -1,7 +1,8 @@
-#!/usr/bin/env python3
 """What tuning brings: `raybench tune` for five structures on five scenes, as a table. reports/TUNE.md has it.
 
     python3 tests/tools/tune_table.py build/release/raybench --out tuned
+
+`--out` keeps what each run wrote.
 """
 
 import argparse
@@ -22,16 +23,29 @@ def main():
     parser.add_argument("--evaluations", default="60")
     parser.add_argument("--out", type=Path, required=True)
     arguments = parser.parse_args()
-    print("| scene | structure | default takes, times the tuned one | 95 % | tuned |\n" + "|---" * 5 + "|")
+    print("| the default takes, times the tuned one | " + " | ".join(arguments.structures) + " |")
+    print("|---" * (1 + len(arguments.structures)) + "|", flush=True)
+    tuned = []
     for scene in arguments.scenes:
+        cells = [scene]
         for structure in arguments.structures:
             folder = arguments.out / f"{scene}_{structure}"
             words = ["tune", scene, "--structure", structure, "--rays", arguments.rays]
             words += ["--evaluations", arguments.evaluations, "--out", str(folder)]
             subprocess.run([arguments.program, *words], check=True, stdout=subprocess.DEVNULL)
             tune = json.loads((folder / "tune.json").read_text())
-            interval = "-" if tune["gain_hi"] is None else f"{tune['gain_lo']:.2f} to {tune['gain_hi']:.2f}"
-            print(f"| {scene} | {structure} | {tune['gain']:.2f} | {interval} | `{tune['tuned']}` |", flush=True)
+            cells.append(_cell(tune))
+            tuned.append((tune["gain"], scene, tune["tuned"]))
+        print(f"| {' | '.join(cells)} |", flush=True)
+    for _, scene, spec in sorted(tuned, reverse=True)[:4]:
+        print(f"    {scene}: {spec}")
+
+
+def _cell(tune):
+    if tune["tuned"] == tune["default"]:
+        return "1.00, stays"
+    interval = f" ({tune['gain_lo']:.2f} to {tune['gain_hi']:.2f})" if tune["gain_hi"] else ""
+    return f"{tune['gain']:.2f}{interval}"
 
 
 if __name__ == "__main__":

@@ -1,21 +1,24 @@
 """What `raybench advise` says. Pure functions of what was measured."""
 
 import argparse
+import math
 from dataclasses import dataclass
 
 from . import costs
 from .files import table
 
-ENOUGH_ULP = 16  # a shortest edge of so many spacings of float is far longer than the errors of float tests
+ENOUGH_ULP = 16  # a size of so many spacings of float is far longer than the errors of float tests
 COARSE_ULP = 2  # below, the vertices themselves are not where they should be
 FAR = 4  # the farthest coordinate, in half extents of the scene, from which on moving the scene pays
 
 
 @dataclass(frozen=True)
 class Precision:
-    """Which arithmetic the geometry requires: the shortest edge against float's spacing at the largest coordinate."""
+    """Which arithmetic the geometry requires: sizes in spacings of float (ulp) at the largest coordinate, 0 where there
+    is nothing to measure."""
 
-    feature: float  # spacings (ulp); 0: there is no edge to measure
+    small: float  # size of the triangle that is larger than 1 % of them: the root of twice its area
+    shortest: float  # shortest edge or radius of all, perhaps of one sliver
     far: float  # largest coordinate over half of the scene's largest extent
 
     @classmethod
@@ -23,24 +26,31 @@ class Precision:
         lo, hi = scene["bounds"]["lo"], scene["bounds"]["hi"]
         half = max((b - a for a, b in zip(lo, hi)), default=0) / 2
         largest = max(map(abs, [*lo, *hi]), default=0)
-        return cls(scene["needs"]["smallest_feature_ulp"], largest / half if half > 0 else 1.0)
+        shortest = scene["needs"]["smallest_feature_ulp"]
+        area = (scene.get("triangle_area") or {}).get("percent_1")
+        small = math.sqrt(2 * area) / (math.ulp(largest) * 2**29) if area and largest > 0 else shortest
+        return cls(small, shortest, largest / half if half > 0 else 1.0)
 
     @property
     def numerics(self):
-        """What our own structures shall compute with; None: the default, watertight in float."""
-        return "double" if 0 < self.feature < ENOUGH_ULP else None
+        """What our own structures shall compute with; None: the default, watertight in float. Where the vertices are
+        too coarse, more digits in the tests are of no use."""
+        return "double" if COARSE_ULP <= self.small < ENOUGH_ULP else None
 
     def sentences(self):
-        if not self.feature:
+        if not self.small:
             return ["There is no edge or radius to measure."]
-        size = f"the shortest edge is {_short(self.feature)} spacings of float at the largest coordinate"
-        if self.feature >= ENOUGH_ULP:
-            first = f"Float is enough: {size}."
-        elif self.feature >= COARSE_ULP:
-            first = f"Float is not enough for hits on the smallest features, so tests are made in double: {size}."
+        size = f"99 % of the triangles are larger than {_short(self.small)} spacings of float at the largest coordinate"
+        if self.small >= ENOUGH_ULP:
+            rows = [f"Float is enough: {size}."]
+            if self.shortest < ENOUGH_ULP:
+                rows.append(
+                    f"But the shortest edge of all is {_short(self.shortest)} spacings: that one may be missed."
+                )
+        elif self.small >= COARSE_ULP:
+            rows = [f"Float is not enough for hits on the smallest features, so tests are made in double: {size}."]
         else:
-            first = f"No arithmetic can save the smallest features, which the stored vertices do not resolve: {size}."
-        rows = [first]
+            rows = [f"No arithmetic can save the smallest features, which the stored vertices do not resolve: {size}."]
         if self.far > FAR:
             rows.append(
                 f"The scene lies {_short(self.far)} times its half size from the origin: moved there, its coordinates "
@@ -99,7 +109,11 @@ class Advice:
             "judged": self.judged,
             "cost_of_inexact": self.tempting,
             "max_error": self.arguments.max_error,
-            "precision": {"smallest_feature_ulp": self.precision.feature, "numerics": self.precision.numerics},
+            "precision": {
+                "small_triangle_ulp": self.precision.small,
+                "shortest_edge_ulp": self.precision.shortest,
+                "numerics": self.precision.numerics,
+            },
             "offset": self.offset,
             "needs": self.scene["needs"],
             "time_was_spent": self.over,
@@ -211,15 +225,14 @@ def _required(a):
         rows.append(f"No wrong answers: the advice claims to be {claims}; against exact truth {errors} were wrong.")
         if a.tempting:
             others = ", ".join(f"{spec} {ratio:.2f}" for spec, ratio in a.tempting.items())
-            rows.append(f"What that costs: structures that leak at edges would take, in its units, {others} (--max-error).")
+            rows.append(f"What that costs: those that leak at edges would take, in its units, {others} (--max-error).")
     else:
         rows.append(
             f"At most {a.arguments.max_error:g} of the answers wrong: the advice claims to be {claims}; {errors} were."
         )
         if not a.admission.can_be_shown:
-            rows.append(
-                f"So low a rate cannot be shown by {a.admission.rays:,} rays; only what claims to be watertight was tried."
-            )
+            few = f"{a.admission.rays:,} rays"
+            rows.append(f"So low a rate cannot be shown by {few}; only what claims to be watertight was tried.")
     rows += a.precision.sentences()
     rows.append(f"Its t was off by at most {mix['t_error_max']:.2g} ulp on rays of the mix.")
     if a.offset:
@@ -233,8 +246,8 @@ def _required(a):
 
 def _not_required(a):
     rows = [f"{name.replace('_', ' ')}: {need['why']}" for name, need in _needs(a) if not need["needed"]]
-    if a.precision.numerics is None and a.precision.feature:
-        rows.append("double or exact arithmetic in the ray tests: the shortest edge is far longer than float's errors")
+    if a.precision.small >= ENOUGH_ULP:
+        rows.append("double or exact arithmetic in the ray tests: triangles are far larger than float's errors")
     return rows or ["there is nothing that it does not need"]
 
 

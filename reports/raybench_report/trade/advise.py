@@ -6,7 +6,7 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-from ..results import RunError
+from ..errors import RunError
 from . import advice, candidates, costs
 from .files import toml, write_file
 from .search import Search

@@ -2,6 +2,7 @@
 cannot win (successive halving: Karnin, Koren, Somekh 2013; Jamieson, Talwalkar 2016)."""
 
 import math
+import sys
 import time
 from dataclasses import dataclass, field
 
@@ -87,7 +88,8 @@ class Search:
     def _look_at_all(self):
         anchor = self._trials.build(ANCHOR).tree
         self._anchor_ns = None
-        for c in self.all:
+        for i, c in enumerate(self.all):
+            self._say(f"{i + 1} of {len(self.all)}: {c.spec}")
             if self.over() and self._ranked():
                 c.out = "not tried: the time for measuring was over"
                 continue
@@ -97,6 +99,8 @@ class Search:
             self._build(c, MAY_WIN * self._best())
             if not c.out:
                 self._look_at(c, anchor)
+                self._make_room()
+        self._say("")
         self._trials.drop(anchor)
         ranked = self._ranked()
         for c in self.all:
@@ -133,6 +137,12 @@ class Search:
                 break
         if self._cost(c) > MAY_WIN * self._best():
             self._give_up(c, "cost more at the first look")
+
+    def _make_room(self):
+        """The trees that are kept take at most half of what one may take: the next one needs room to be built."""
+        left = self._ranked()
+        while len(left) > 1 and sum(c.bytes for c in left) > self._trials.facts["memory_limit"] / 2:
+            self._give_up(left.pop(), "cost more at the first look, and memory was short")
 
     def _give_up(self, c, why, beside=None):
         c.out = why
@@ -176,6 +186,12 @@ class Search:
                 again = self._trials.build(c.spec)
                 c.builds.append(again.seconds)
                 self._trials.drop(again.tree)
+
+    def _say(self, what):
+        """A line on a terminal while candidates are tried; nothing: takes it away."""
+        if sys.stderr.isatty():
+            left = f", at most {self._left():.0f} s left" if what else ""
+            print(f"\r\033[K{what}{left}", end="", file=sys.stderr, flush=True)
 
     def _left(self):
         return max(self._end - time.monotonic(), 0.0)

@@ -6,7 +6,7 @@ import re
 import subprocess
 from dataclasses import dataclass
 
-from ..results import RunError
+from ..errors import RunError
 
 # A range that reaches more than so many times the default is searched on a logarithmic scale, whatever its flag says:
 # most of a linear one would lie where nobody has been.

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..results import RunError
+from ..errors import RunError
 
 
 class TrialsEnded(Exception):

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from ..decide.statistics import bootstrap_interval
-from ..results import RunError
+from ..errors import RunError
 from . import space
 from .files import table, toml, write_file
 from .trials import Trials, TrialsEnded
