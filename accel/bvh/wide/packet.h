@@ -9,6 +9,7 @@
 // Rays that do not make a packet are traced by Interleaved.
 #pragma once
 
+#include <bit>
 #include <new>
 #include <utility>
 
@@ -51,8 +52,8 @@ class Packets {
   void Run() {
     size_t alone = 0, i = 0;  // rays from `alone` to i wait for others
     while (i < query_.n) {
-      const size_t n = Gather(i);
-      if (n >= kFewest) {
+      size_t n = Alike(i);
+      if (n >= kFewest && (n = Gather(i, n)) >= kFewest) {
         TraceOthers(alone, i);
         Trace(n);
         for (size_t k = 0; k < n; ++k) Answer(i + k, rays_[k].best);
@@ -74,15 +75,23 @@ class Packets {
     Interleaved<Tree, kAnyHit>(tree_, part).Run();
   }
 
-  /// Takes rays from `first` on as long as they fit together; returns how many.
-  size_t Gather(size_t first) {
+  /// How many rays from `first` on have directions of the same signs.
+  size_t Alike(size_t first) const {
+    const auto signs = [&](size_t i) { return Mask(Load<Float4>(query_.rays[i].dir)) & 7u; };
     const size_t most = std::min<size_t>(kRays, query_.n - first);
+    size_t n = 1;
+    while (n < most && signs(first + n) == signs(first)) ++n;
+    return n;
+  }
+
+  /// Takes `most` of them as long as they can be traced together; returns how many.
+  size_t Gather(size_t first, size_t most) {
     size_t n = 0;
     for (; n < most; ++n) {
       Ray& r = rays_[n];
       const rb_ray& ray = query_.rays[first + n];
       new (&r.slab) SlabRay(ray, WatertightTest::kSlack);
-      if (!IsValidRay(ray) || !MovedSlab::Fits(r.slab) || (n > 0 && r.slab.signs != rays_[0].slab.signs)) break;
+      if (!IsValidRay(ray) || !MovedSlab::Fits(r.slab)) break;
       const Float4 near = r.slab.inv_near * tree_.NearWidening(WatertightTest::kSlack), far = r.slab.inv_far;
       if (n == 0) {
         org_lo_ = org_hi_ = r.slab.org, near_lo_ = near_hi_ = near, far_lo_ = far_hi_ = far;
@@ -168,11 +177,12 @@ class Packets {
         node = top->node, entry = top->entry, rays = top->rays & alive_;
         children = top->children & LessEqual<kWidth>(entry, last_tfar);
       }
-      const unsigned i = kAnyHit ? unsigned(__builtin_ctz(children)) : LaneOfLeast<kWidth>(entry, children);
+      const unsigned i = LaneOfLeast<kWidth>(entry, children);
       children &= ~(1u << i);
+      const uint32_t ref = tree_.NodeOf(node).child[i];
+      tree_.Prefetch(ref);
       const unsigned going = rays & meeting(node, i);
       if (going == 0) continue;
-      const uint32_t ref = tree_.NodeOf(node).child[i];
       if (Tree::IsLeaf(ref)) {
         if (!TakeLeaf(ref, going)) continue;
         if constexpr (kAnyHit) {
@@ -204,6 +214,13 @@ class Packets {
       rays_[k].candidates = rays_[k].lanes.template Candidates<false>(block, kAllLanes<Tree::kLeafLanes>);
       hit |= unsigned(rays_[k].candidates != 0) << k;
     }
+    if constexpr (kAnyHit) {
+      for (unsigned left = hit; left != 0; left &= left - 1) {
+        const unsigned k = unsigned(__builtin_ctz(left));
+        rays_[k].candidates = rays_[k].lanes.template Candidates<true>(block, rays_[k].candidates);
+        hit &= ~(unsigned(rays_[k].candidates == 0) << k);
+      }
+    }
     bool changed = false;
     for (; hit != 0; hit &= hit - 1) {
       const unsigned k = unsigned(__builtin_ctz(hit));
@@ -216,16 +233,11 @@ class Packets {
     return changed;
   }
 
-  static float LeastOf(R v) {
-    float least = v[0];
-    for (int k = 1; k < kRays; ++k) least = std::min(least, v[k]);
-    return least;
-  }
+  /// Of numbers that are not negative, whose bits have their order.
+  static float LeastOf(R v) { return std::bit_cast<float>(Least<kRays>(IntN<kRays>(v))); }
+  /// Of all rays; 0 if it is negative.
   float LastTfar() const {
-    R v = Load<R>(tfar_);
-    float last = v[0];
-    for (int k = 1; k < kRays; ++k) last = std::max(last, v[k]);
-    return last;
+    return std::bit_cast<float>(~Least<kRays>(~IntN<kRays>(Larger<kRays>(Load<R>(tfar_), R{}))));
   }
   void Answer(size_t i, const rb_hit& best) const {
     if constexpr (kAnyHit) {
