@@ -70,7 +70,8 @@ struct QuantizedNode {
   /// Row(row)[i].
   float Plane(unsigned row, unsigned i) const {
     const unsigned a = row < 3 ? row : row - 3;
-    return MultiplyAdd<4>(Splat<Float4>(float(q[row][i])), Splat<Float4>(Scale(a)), Splat<Float4>(origin[a]))[0];
+    return MultiplyAdd<4>(Splat<Float4>(float(q[row][i])), Splat<Float4>(Scale(a)),
+                          Splat<Float4>(origin[a]))[0];
   }
 
  private:

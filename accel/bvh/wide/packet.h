@@ -100,8 +100,7 @@ class Packets {
         near_lo_ = Smaller<4>(near_lo_, near), near_hi_ = Larger<4>(near_hi_, near);
         far_lo_ = Smaller<4>(far_lo_, far), far_hi_ = Larger<4>(far_hi_, far);
       }
-      for (unsigned a = 0; a < 3; ++a)
-        org_[a][n] = r.slab.org[a], near_[a][n] = near[a], far_[a][n] = far[a];
+      for (unsigned a = 0; a < 3; ++a) org_[a][n] = r.slab.org[a], near_[a][n] = near[a], far_[a][n] = far[a];
       tnear_[n] = ray.tnear + 0.0f, tfar_[n] = ray.tfar;
       r.query.ray = ray;
       r.query.skip = query_.skip != nullptr ? query_.skip[first + n] : RAYBENCH_NONE;
@@ -136,8 +135,17 @@ class Packets {
     alive_ = (1u << n) - 1, has_lanes_ = 0;
     F last_tfar = Splat<F>(LastTfar());
 
-    const auto meets = [&](uint32_t ref, F& entry) {
+    const auto meets = [&](uint32_t ref, unsigned rays, F& entry) {
       const auto& node = tree_.NodeOf(ref);
+      if ((rays & (rays - 1)) == 0) {  // its own numbers
+        const unsigned k = unsigned(__builtin_ctz(rays));
+        const auto t = [&](const unsigned(&row)[3], const float(&scale)[3][kRays], unsigned a) {
+          return (node.Row(row[a]) - Splat<F>(org_[a][k])) * Splat<F>(scale[a][k]);
+        };
+        return Between(t(near_row, near_, 0), t(near_row, near_, 1), t(near_row, near_, 2), first_tnear,
+                       t(far_row, far_, 0), t(far_row, far_, 1), t(far_row, far_, 2), Splat<F>(tfar_[k]),
+                       entry);
+      }
       const auto lower = [&](unsigned a) {
         const F d = node.Row(near_row[a]) - near_org[a];
         return Smaller<kWidth>(d * near_lo[a], d * near_hi[a]);
@@ -146,22 +154,17 @@ class Packets {
         const F d = node.Row(far_row[a]) - far_org[a];
         return Larger<kWidth>(d * far_lo[a], d * far_hi[a]);
       };
-      entry = Larger<kWidth>(Larger<kWidth>(lower(0), lower(1)), Larger<kWidth>(lower(2), first_tnear));
-      const F exit =
-          Smaller<kWidth>(Smaller<kWidth>(upper(0), upper(1)), Smaller<kWidth>(upper(2), last_tfar));
-      return LessEqual<kWidth>(entry, exit);
+      return Between(lower(0), lower(1), lower(2), first_tnear, upper(0), upper(1), upper(2), last_tfar,
+                     entry);
     };
     /// Rays that meet child i.
     const auto meeting = [&](uint32_t ref, unsigned i) {
       const auto& node = tree_.NodeOf(ref);
       const auto t = [&](unsigned row, R o, R scale) { return (Splat<R>(node.Plane(row, i)) - o) * scale; };
-      const R enter = Larger<kRays>(
-          Larger<kRays>(t(near_row[0], org[0], near[0]), t(near_row[1], org[1], near[1])),
-          Larger<kRays>(t(near_row[2], org[2], near[2]), tnear));
-      const R leave = Smaller<kRays>(
-          Smaller<kRays>(t(far_row[0], org[0], far[0]), t(far_row[1], org[1], far[1])),
-          Smaller<kRays>(t(far_row[2], org[2], far[2]), Load<R>(tfar_)));
-      return LessEqual<kRays>(enter, leave);
+      R enter;
+      return Between(t(near_row[0], org[0], near[0]), t(near_row[1], org[1], near[1]),
+                     t(near_row[2], org[2], near[2]), tnear, t(far_row[0], org[0], far[0]),
+                     t(far_row[1], org[1], far[1]), t(far_row[2], org[2], far[2]), Load<R>(tfar_), enter);
     };
 
     Waiting stack[kMaxTreeDepth];
@@ -169,7 +172,7 @@ class Packets {
     uint32_t node = 0;
     unsigned rays = alive_;
     F entry;
-    unsigned children = meets(node, entry);
+    unsigned children = meets(node, rays, entry);
     for (;;) {
       while (children == 0 || rays == 0) {
         if (top == stack) return;
@@ -181,7 +184,7 @@ class Packets {
       children &= ~(1u << i);
       const uint32_t ref = tree_.NodeOf(node).child[i];
       tree_.Prefetch(ref);
-      const unsigned going = rays & meeting(node, i);
+      const unsigned going = (rays & (rays - 1)) == 0 ? rays : rays & meeting(node, i);
       if (going == 0) continue;
       if (Tree::IsLeaf(ref)) {
         if (!TakeLeaf(ref, going)) continue;
@@ -196,8 +199,18 @@ class Packets {
       top->entry = entry, top->node = node, top->children = children, top->rays = rays;
       top += children != 0;
       node = ref, rays = going;
-      children = meets(node, entry);
+      children = meets(node, rays, entry);
     }
+  }
+
+  /// Lanes in which an interval is not empty, and where it begins.
+  template <class V>
+  [[gnu::always_inline]] static unsigned Between(V nx, V ny, V nz, V tnear, V fx, V fy, V fz, V tfar,
+                                                 V& begin) {
+    constexpr int kLanes = kLanesOf<V>;
+    begin = Larger<kLanes>(Larger<kLanes>(nx, ny), Larger<kLanes>(nz, tnear));
+    const V end = Smaller<kLanes>(Smaller<kLanes>(fx, fy), Smaller<kLanes>(fz, tfar));
+    return LessEqual<kLanes>(begin, end);
   }
 
   /// True if an answer changed.
@@ -225,7 +238,8 @@ class Packets {
     for (; hit != 0; hit &= hit - 1) {
       const unsigned k = unsigned(__builtin_ctz(hit));
       Ray& r = rays_[k];
-      if (!r.lanes.template Decide<kAnyHit>(block, r.candidates, r.query, r.slab, tree_.needs_uv_, r.best)) continue;
+      if (!r.lanes.template Decide<kAnyHit>(block, r.candidates, r.query, r.slab, tree_.needs_uv_, r.best))
+        continue;
       changed = true;
       tfar_[k] = r.best.t;
       if constexpr (kAnyHit) alive_ &= ~(1u << k);

@@ -66,13 +66,9 @@ class WideBvhOf final : public WideBvh {
       query.kind == RB_ANY ? QueryTogether<true>(query) : QueryTogether<false>(query);
       return;
     }
-#ifdef RB_DEV
-    QueryWith<WatertightTest, NoCounting>(query);
-#else
     WithNumerics(numerics, [&]<class Test>() {
       counted ? QueryWith<Test, Counting>(query) : QueryWith<Test, NoCounting>(query);
     });
-#endif
   }
 
   MemoryUse Memory() const override {
@@ -363,9 +359,6 @@ std::unique_ptr<WideBvh> MakeWideBvhOf(const rb_geometry& geometry, const Binary
   const auto make = [&]<class Node>() -> std::unique_ptr<WideBvh> {
     return std::make_unique<WideBvhOf<kWidth, Node>>(geometry, tree, topology, options);
   };
-#ifdef RB_DEV
-  return make.template operator()<FullNode<kWidth>>();
-#else
   switch (options.format) {
     case NodeFormat::kQuantized16:
       return make.template operator()<QuantizedNode<kWidth, uint16_t>>();
@@ -374,7 +367,6 @@ std::unique_ptr<WideBvh> MakeWideBvhOf(const rb_geometry& geometry, const Binary
     default:
       return make.template operator()<FullNode<kWidth>>();
   }
-#endif
 }
 
 }  // namespace raybench
