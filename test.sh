@@ -36,7 +36,8 @@ while [ $# -gt 0 ]; do
 done
 
 # the tests of the report page run it in a browser, those of vulkan_rt on a software driver
-[ $build_only = yes ] || more_packages=(chromium mesa-vulkan-drivers vulkan-validationlayers)
+more_packages=(glslang-tools libvulkan-dev)
+[ $build_only = yes ] || more_packages+=(chromium mesa-vulkan-drivers vulkan-validationlayers)
 source "$(dirname "${BASH_SOURCE[0]}")/.ci/setup.sh"
 cd "$root"
 for preset in "${presets[@]}"; do

@@ -10,7 +10,6 @@ packages=(
   build-essential ca-certificates ccache cmake git ninja-build python3 python3-venv
   libbenchmark-dev libboost-dev libcgal-dev libcli11-dev libembree-dev libfmt-dev libgmock-dev libgtest-dev
   libopenimageio-dev libopenmesh-dev libtbb-dev libtinygltf-dev libtomlplusplus-dev nlohmann-json3-dev openimageio-tools
-  glslang-tools libvulkan-dev
   ${more_packages[@]+"${more_packages[@]}"}
 )
 needed="a C++20 compiler, CMake 3.25, Ninja, Git, Python 3.11 with venv, and the development packages of Embree 3 or 4, \
