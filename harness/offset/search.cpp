@@ -18,12 +18,12 @@ namespace raybench {
 namespace {
 
 constexpr uint64_t kBlock = 4096;
-/// Of the scan, and of timing.
-constexpr uint64_t kSome = 65536;
-/// The scan takes powers of two, from the scene's diagonal down to 2^-kPowers of it.
-constexpr int kPowers = 44;
+/// Of the scan and of timing.
+constexpr uint64_t kScanned = 16384, kTimed = 65536;
+/// The scan takes powers of four, from the scene's diagonal down to 2^-kPowers of it.
+constexpr int kPowers = 36, kStep = 2;
 /// Both ends of the range are known to within this factor.
-constexpr double kNear = 1.05;
+constexpr double kNear = 1.1;
 constexpr int kPasses = 5;
 
 /// Rounded to three digits, as it is printed and typed.
@@ -65,13 +65,14 @@ uint64_t OffsetSearch::Count(SelfIntersection cure, float offset, Fault fault, u
                              bool first_only) const {
   ThrowIfInterrupted();
   const double size = InScene(offset);
+  const auto ray = [&](uint64_t i) -> const Departing& { return Picked(i, rays); };
   const auto count_block = [&](uint64_t begin, uint64_t end) {
     uint64_t count = 0;
     std::vector<Departed> departed;
-    for (uint64_t i = begin; i < end; ++i) departed.push_back(Depart(scene_, departing_[i], cure, size));
+    for (uint64_t i = begin; i < end; ++i) departed.push_back(Depart(scene_, ray(i), cure, size));
     if (fault == Fault::kLost) {
       for (uint64_t i = begin; i < end; ++i)
-        count += truth_.LeapsOver(departing_[i].At(), departed[i - begin].begin);
+        count += truth_.LeapsOver(ray(i).At(), departed[i - begin].begin);
       return count;
     }
     Block block;
@@ -79,8 +80,8 @@ uint64_t OffsetSearch::Count(SelfIntersection cure, float offset, Fault fault, u
     block.Ask(tree_);
     for (uint64_t i = begin; i < end; ++i) {
       const uint32_t prim = block.answers.hits[i - begin].prim;
-      count += prim != RAYBENCH_NONE &&
-               truth_.IsSelfHit(departing_[i].At(), departed[i - begin].begin, departing_[i].dir, prim);
+      count +=
+          prim != RAYBENCH_NONE && truth_.IsSelfHit(ray(i).At(), departed[i - begin].begin, ray(i).dir, prim);
     }
     return count;
   };
@@ -155,7 +156,9 @@ void OffsetSearch::Name(CureFindings& found) const {
 void OffsetSearch::MeasureWays(CureFindings& found) const {
   const double size = InScene(found.named.offset);
   found.shortest = std::numeric_limits<double>::infinity();
-  for (const Departing& departing : departing_.first(std::min<uint64_t>(kSome, departing_.size()))) {
+  const uint64_t rays = std::min<uint64_t>(kTimed, departing_.size());
+  for (uint64_t i = 0; i < rays; ++i) {
+    const Departing& departing = Picked(i, rays);
     const rb_hit hit{0, departing.u, departing.v, departing.prim};
     const double way =
         Length(Depart(scene_, departing, found.cure, size).begin - SurfaceAt(scene_, {}, hit).point);
@@ -168,9 +171,9 @@ CureFindings OffsetSearch::Find(SelfIntersection cure) const {
   CureFindings found{.cure = cure, .sized = IsSized(cure)};
   if (found.sized) {
     const double diagonal = std::ldexp(Length(ToDouble(scene_.bounds().Extent())), -scene_.scale_exponent);
-    for (int power = -kPowers; power <= 0; ++power)
-      found.scan.push_back(
-          Look(cure, Printable(std::ldexp(diagonal, power)), std::min<uint64_t>(kSome, departing_.size())));
+    for (int power = -kPowers; power <= 0; power += kStep)
+      found.scan.push_back(Look(cure, Printable(std::ldexp(diagonal, power)),
+                                std::min<uint64_t>(kScanned, departing_.size())));
     FindRange(found, Fault::kSelfHit);
     FindRange(found, Fault::kLost);
     Name(found);
@@ -183,11 +186,11 @@ CureFindings OffsetSearch::Find(SelfIntersection cure) const {
 
 uint64_t OffsetSearch::Work(SelfIntersection cure) const {
   const uint64_t n = departing_.size();
-  return IsSized(cure) ? 2 * (kPowers + 1) * std::min<uint64_t>(kSome, n) + 18 * n : 2 * n;
+  return IsSized(cure) ? 2 * (kPowers / kStep + 1) * std::min<uint64_t>(kScanned, n) + 18 * n : 2 * n;
 }
 
 void OffsetSearch::Time(std::span<CureFindings> findings) const {
-  const uint64_t rays = std::min<uint64_t>(kSome, departing_.size());
+  const uint64_t rays = std::min<uint64_t>(kTimed, departing_.size());
   std::vector<std::vector<double>> ns(findings.size());
   const Pinned pinned(true);
   Block block;
@@ -200,7 +203,7 @@ void OffsetSearch::Time(std::span<CureFindings> findings) const {
         block.rays.clear();
         block.skip.clear();
         for (uint64_t k = begin; k < std::min(rays, begin + kBlock); ++k) {
-          const Departed departed = Depart(scene_, departing_[k], findings[i].cure, size);
+          const Departed departed = Depart(scene_, Picked(k, rays), findings[i].cure, size);
           block.rays.push_back(departed.ray);
           block.skip.push_back(departed.skip);
         }

@@ -45,7 +45,7 @@ class OffsetSearch {
   /// Fills ns_per_ray: passes over some of the rays that take turns over the cures, on one pinned thread.
   void Time(std::span<CureFindings> findings) const;
 
-  /// Self-hits and lost hits among the first `rays` rays.
+  /// Self-hits and lost hits among `rays` rays, evenly picked.
   Seen Look(SelfIntersection cure, float offset, uint64_t rays) const;
 
  private:
@@ -58,6 +58,10 @@ class OffsetSearch {
   void Name(CureFindings& found) const;
   void MeasureWays(CureFindings& found) const;
   double InScene(float offset) const;
+  /// The i-th of `rays` that are evenly picked: they stand in the order of primitives.
+  const Departing& Picked(uint64_t i, uint64_t rays) const {
+    return departing_[i * departing_.size() / rays];
+  }
 
   const Scene& scene_;
   const Tree& tree_;
