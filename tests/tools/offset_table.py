@@ -26,10 +26,10 @@ def cells(rows, cure):
     rates = f"{named['self_hits']} / {named['lost']}"
     if not named["offset"]:
         return rates
-    if named["safe"] != "1" or not {"smallest_safe", "largest_safe"} <= seen.keys():
+    lo, hi = (float(seen[role]["offset"]) if role in seen else None for role in ("smallest_safe", "largest_safe"))
+    if named["safe"] != "1" or lo is None or hi is None or lo > hi:
         return f"none (at {number(named['offset'])}: {rates})"
-    most = number(seen["largest_safe"]["offset"]) + ("" if "above" in seen else " (all)")
-    text = f"{number(seen['smallest_safe']['offset'])} to {most}"
+    text = f"{number(lo)} to {number(hi)}{'' if 'above' in seen else ' (all)'}"
     outside = [seen[role][fault] for role, fault in (("below", "self_hits"), ("above", "lost")) if role in seen]
     return f"{text} (outside: {' / '.join(outside)})"
 
