@@ -14,9 +14,9 @@ units in the last place (integer-offset) or by a bound of all errors (error-boun
   self-hit    the answer is the surface that the ray leaves, such as a neighbour across an edge
   lost hit    another surface lies between the point on the surface and the place from which hits count: it is leapt
               over, and what lies behind it is seen instead
-Offsets of tnear and normal-offset are looked for by powers of two and bisection, to 5 %: the smallest at which no ray
-hits itself, and the largest at which none loses a hit, in units of the scene's file. Between them the command names
-one, and all rays are judged there once more. Where none is safe, the one that fails least is shown.
+Offsets of tnear and normal-offset are looked for by powers of four and bisection, to 10 %: the smallest at which no ray
+hits itself, and the largest at which none loses a hit, in units of the scene's file, among 131,072 of the rays. Between
+them the command names one, and there all rays are judged. Where none is safe, the one that fails least is shown.
 Rays are paths from the camera and from around the scene; they are the same for each structure.
 
 Examples:

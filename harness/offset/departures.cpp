@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "accel/base/parallel.h"
 #include "accel/base/random.h"
 #include "harness/judge/ask.h"
@@ -131,6 +133,9 @@ std::vector<Departing> MakeDepartures(const Registry& registry, const Scene& sce
     if (options.progress) options.progress(std::min(1.0, double(all.size()) / double(options.count)));
   }
   all.resize(options.count);
+  // Rays of one place look at the same memory.
+  std::stable_sort(all.begin(), all.end(),
+                   [](const Departing& a, const Departing& b) { return a.prim < b.prim; });
   return all;
 }
 

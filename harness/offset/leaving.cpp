@@ -1,7 +1,9 @@
 #include "harness/offset/leaving.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <numeric>
 #include <optional>
 
 #include "harness/truth/approx.h"
@@ -39,14 +41,18 @@ std::array<Vec3f, 3> Corners(const Scene& scene, uint32_t prim) {
   return {scene.positions[a], scene.positions[b], scene.positions[c]};
 }
 
-Figures<Approx> InDouble(const Scene& scene, const Spot& spot, Vec3d begin, Vec3f dir, uint32_t prim) {
-  const auto point = [](auto p) { return Vec3<Approx>{{p.x}, {p.y}, {p.z}}; };
-  const auto triangle = [&](uint32_t i) {
-    const auto [a, b, c] = Corners(scene, i);
-    return Triangle<Approx>{{point(a), point(b), point(c)}};
-  };
+Vec3<Approx> PointInDouble(Vec3d p) { return {{p.x}, {p.y}, {p.z}}; }
+
+Triangle<Approx> InDouble(const Scene& scene, uint32_t prim) {
+  const auto [a, b, c] = Corners(scene, prim);
+  return {{PointInDouble(ToDouble(a)), PointInDouble(ToDouble(b)), PointInDouble(ToDouble(c))}};
+}
+
+/// But for the other triangle.
+Figures<Approx> InDouble(const Scene& scene, const Spot& spot, Vec3d begin, Vec3f dir) {
   const Approx u{spot.u}, v{spot.v}, w = Approx{1} - u - v;
-  Figures<Approx> f{triangle(spot.prim), triangle(prim), {}, point(begin), point(dir), spot.side < 0};
+  Figures<Approx> f{InDouble(scene, spot.prim),   {},           {}, PointInDouble(begin),
+                    PointInDouble(ToDouble(dir)), spot.side < 0};
   f.spot = f.own.p[0] * w + f.own.p[1] * u + f.own.p[2] * v;
   return f;
 }
@@ -135,22 +141,6 @@ bool IsSelfHit(const Figures<Int>& f) {
   return !in_front || !ahead || Meets(f) || SignOf(HeightOfHit(f)) <= 0;
 }
 
-/// Wider than the corners by what rounding takes of spots and ways.
-std::vector<BoxTree::Box> BoxesOf(const Scene& scene) {
-  double farthest = 0;
-  for (Vec3f p : scene.positions)
-    for (int k = 0; k < 3; ++k) farthest = std::max(farthest, std::fabs(double(p[k])));
-  const double pad = farthest * 0x1p-48;
-  std::vector<BoxTree::Box> boxes(scene.triangles.size());
-  for (uint32_t i = 0; i < boxes.size(); ++i) {
-    for (Vec3f p : Corners(scene, i)) {
-      boxes[i].Extend(ToDouble(p) - Vec3d{pad, pad, pad});
-      boxes[i].Extend(ToDouble(p) + Vec3d{pad, pad, pad});
-    }
-  }
-  return boxes;
-}
-
 }  // namespace
 
 Spot SpotOf(uint32_t prim, float u, float v, double side) {
@@ -166,10 +156,44 @@ Spot SpotOf(uint32_t prim, float u, float v, double side) {
   return {prim, u, v, side};
 }
 
-LeavingTruth::LeavingTruth(const Scene& scene) : scene_(scene), tree_(BoxesOf(scene)) {}
+WayTree::WayTree(const Scene& scene) : items_(scene.triangles.size()) {
+  std::iota(items_.begin(), items_.end(), 0u);
+  double farthest = 0;
+  for (Vec3f p : scene.positions)
+    for (int k = 0; k < 3; ++k) farthest = std::max(farthest, std::fabs(double(p[k])));
+  // More than rounding takes of spots, ways and the tests of boxes.
+  if (!items_.empty()) Split(scene, farthest * 0x1p-44, 0, uint32_t(items_.size()));
+}
+
+/// At the median of the widest axis.
+void WayTree::Split(const Scene& scene, double pad, uint32_t first, uint32_t count) {
+  constexpr uint32_t kLeaf = 2;
+  Bounds3 box;
+  for (uint32_t i = first; i < first + count; ++i)
+    for (Vec3f p : Corners(scene, items_[i])) box.Extend(p);
+  const Vec3d around = {pad, pad, pad};
+  const size_t index = nodes_.size();
+  nodes_.push_back({ToDouble(box.lo) - around, ToDouble(box.hi) + around, first, count});
+  if (count <= kLeaf) return;
+  const Vec3f extent = box.Extent();
+  const int axis = extent.x >= extent.y && extent.x >= extent.z ? 0 : extent.y >= extent.z ? 1 : 2;
+  const auto place = [&](uint32_t i) {
+    const auto [a, b, c] = Corners(scene, i);
+    return std::pair(double(a[axis]) + b[axis] + c[axis], i);
+  };
+  const auto begin = items_.begin() + first;
+  std::nth_element(begin, begin + count / 2, begin + count,
+                   [&](uint32_t a, uint32_t b) { return place(a) < place(b); });
+  Split(scene, pad, first, count / 2);
+  nodes_[index].count = 0;
+  nodes_[index].first = uint32_t(nodes_.size());
+  Split(scene, pad, first + count / 2, count - count / 2);
+}
+
+LeavingTruth::LeavingTruth(const Scene& scene) : scene_(scene), tree_(scene) {}
 
 bool LeavingTruth::Leaves(const Spot& spot, Vec3f dir) const {
-  const auto f = InDouble(scene_, spot, {0, 0, 0}, dir, spot.prim);
+  const auto f = InDouble(scene_, spot, {0, 0, 0}, dir);
   if (const int sign = SignOf(f.Front(f.own.Climb(f.dir)))) return sign > 0;
   const auto exactly = InIntegers(scene_, spot, {0, 0, 0}, dir, spot.prim);
   return SignOf(exactly.Front(exactly.own.Climb(exactly.dir))) > 0;
@@ -180,18 +204,21 @@ bool LeavingTruth::LeapsOver(const Spot& spot, Vec3d begin) const {
   const double u = spot.u, v = spot.v;
   const Vec3d at = ToDouble(a) * (1 - u - v) + ToDouble(b) * u + ToDouble(c) * v;
   bool met = false;
-  tree_.Traverse({at, begin - at, 0x1p-40}, 0, 1, [&](uint32_t prim) {
-    if (prim == spot.prim) return 1.0;
-    const std::optional<bool> meets = Meets(InDouble(scene_, spot, begin, {0, 0, 0}, prim));
-    met = meets ? *meets : Meets(InIntegers(scene_, spot, begin, {0, 0, 0}, prim));
-    return met ? -1.0 : 1.0;
+  Figures<Approx> f = InDouble(scene_, spot, begin, {0, 0, 0});
+  tree_.Traverse(at, begin, [&](uint32_t prim) {
+    if (prim == spot.prim) return false;
+    f.other = InDouble(scene_, prim);
+    const std::optional<bool> meets = Meets(f);
+    return met = meets ? *meets : Meets(InIntegers(scene_, spot, begin, {0, 0, 0}, prim));
   });
   return met;
 }
 
 bool LeavingTruth::IsSelfHit(const Spot& spot, Vec3d begin, Vec3f dir, uint32_t prim) const {
   if (prim == spot.prim) return true;
-  if (IsPlainlyNoSelfHit(InDouble(scene_, spot, begin, dir, prim))) return false;
+  Figures<Approx> f = InDouble(scene_, spot, begin, dir);
+  f.other = InDouble(scene_, prim);
+  if (IsPlainlyNoSelfHit(f)) return false;
   return raybench::IsSelfHit(InIntegers(scene_, spot, begin, dir, prim));
 }
 

@@ -16,11 +16,12 @@
 //   - or is hit at a point that is not in front of the plane that is left.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "datasets/scene/scene.h"
-#include "harness/truth/box_tree.h"
 
 namespace raybench {
 
@@ -32,6 +33,54 @@ struct Spot {
 
 /// The spot of barycentrics as a structure answers them: the nearest that lie in the triangle.
 Spot SpotOf(uint32_t prim, float u, float v, double side);
+
+/// Boxes around halves of the triangles, for ways that are mostly short: finds too much, never too little.
+class WayTree {
+ public:
+  explicit WayTree(const Scene& scene);
+
+  /// Calls visit(triangle) for each triangle whose box the way from p to q may meet, until it returns true.
+  template <class Visit>
+  void Traverse(Vec3d p, Vec3d q, const Visit& visit) const {
+    const Vec3d lo = Min(p, q), hi = Max(p, q), way = q - p;
+    const Vec3d inverse = {1 / way.x, 1 / way.y, 1 / way.z};
+    const auto apart = [&](const Node& node) {
+      double from = 0, to = 1;
+      for (int k = 0; k < 3; ++k) {
+        if (node.lo[k] > hi[k] || node.hi[k] < lo[k]) return true;
+        if (!(std::fabs(inverse[k]) < std::numeric_limits<double>::infinity())) continue;
+        const double a = (node.lo[k] - p[k]) * inverse[k], b = (node.hi[k] - p[k]) * inverse[k];
+        from = std::max(from, std::min(a, b));
+        to = std::min(to, std::max(a, b));
+      }
+      return from > to;
+    };
+    uint32_t stack[64];
+    int size = 0;
+    if (!nodes_.empty()) stack[size++] = 0;
+    while (size > 0) {
+      const uint32_t index = stack[--size];
+      const Node& node = nodes_[index];
+      if (apart(node)) continue;
+      for (uint32_t i = 0; i < node.count; ++i)
+        if (visit(items_[node.first + i])) return;
+      if (node.count > 0) continue;
+      stack[size++] = node.first;
+      stack[size++] = index + 1;
+    }
+  }
+
+ private:
+  struct Node {
+    Vec3d lo, hi;
+    uint32_t first;  ///< of its items; in an inner node its second child, the first one being the next node
+    uint32_t count;  ///< 0: an inner node
+  };
+  void Split(const Scene& scene, double pad, uint32_t first, uint32_t count);
+
+  std::vector<uint32_t> items_;
+  std::vector<Node> nodes_;
+};
 
 class LeavingTruth {
  public:
@@ -47,7 +96,7 @@ class LeavingTruth {
 
  private:
   const Scene& scene_;
-  const BoxTree tree_;
+  const WayTree tree_;
 };
 
 }  // namespace raybench

@@ -64,9 +64,9 @@ std::string Share(uint64_t events, uint64_t rays) {
 
 std::string RangeOf(const CureFindings& found) {
   if (!found.sized) return "-";
-  const auto& [lo, hi] = std::pair(found.smallest_safe, found.largest_safe);
-  if (!lo || !hi || lo->offset > hi->offset) return "none";
-  return fmt::format("{:.3g} to {:.3g}{}", lo->offset, hi->offset, found.above ? "" : " (the scene's size)");
+  if (!found.HasRange()) return "none";
+  return fmt::format("{:.3g} to {:.3g}{}", found.smallest_safe->offset, found.largest_safe->offset,
+                     found.above ? "" : " (the scene's size)");
 }
 
 class OffsetRun {

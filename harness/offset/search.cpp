@@ -18,12 +18,12 @@ namespace raybench {
 namespace {
 
 constexpr uint64_t kBlock = 4096;
-/// Of the scan, and of timing.
-constexpr uint64_t kSome = 65536;
-/// The scan takes powers of two, from the scene's diagonal down to 2^-kPowers of it.
-constexpr int kPowers = 44;
+/// Of the scan, of timing, and of the search for the range's ends.
+constexpr uint64_t kScanned = 16384, kTimed = 65536, kSearched = 131072;
+/// The scan takes powers of four, from the scene's diagonal down to 2^-kPowers of it.
+constexpr int kPowers = 36, kStep = 2;
 /// Both ends of the range are known to within this factor.
-constexpr double kNear = 1.05;
+constexpr double kNear = 1.1;
 constexpr int kPasses = 5;
 
 /// Rounded to three digits, as it is printed and typed.
@@ -65,13 +65,14 @@ uint64_t OffsetSearch::Count(SelfIntersection cure, float offset, Fault fault, u
                              bool first_only) const {
   ThrowIfInterrupted();
   const double size = InScene(offset);
+  const auto ray = [&](uint64_t i) -> const Departing& { return Picked(i, rays); };
   const auto count_block = [&](uint64_t begin, uint64_t end) {
     uint64_t count = 0;
     std::vector<Departed> departed;
-    for (uint64_t i = begin; i < end; ++i) departed.push_back(Depart(scene_, departing_[i], cure, size));
+    for (uint64_t i = begin; i < end; ++i) departed.push_back(Depart(scene_, ray(i), cure, size));
     if (fault == Fault::kLost) {
       for (uint64_t i = begin; i < end; ++i)
-        count += truth_.LeapsOver(departing_[i].At(), departed[i - begin].begin);
+        count += truth_.LeapsOver(ray(i).At(), departed[i - begin].begin);
       return count;
     }
     Block block;
@@ -79,8 +80,8 @@ uint64_t OffsetSearch::Count(SelfIntersection cure, float offset, Fault fault, u
     block.Ask(tree_);
     for (uint64_t i = begin; i < end; ++i) {
       const uint32_t prim = block.answers.hits[i - begin].prim;
-      count += prim != RAYBENCH_NONE &&
-               truth_.IsSelfHit(departing_[i].At(), departed[i - begin].begin, departing_[i].dir, prim);
+      count +=
+          prim != RAYBENCH_NONE && truth_.IsSelfHit(ray(i).At(), departed[i - begin].begin, ray(i).dir, prim);
     }
     return count;
   };
@@ -102,40 +103,42 @@ Seen OffsetSearch::Look(SelfIntersection cure, float offset, uint64_t rays) cons
           Count(cure, offset, Fault::kLost, rays, false)};
 }
 
-/// One end of the range: self-hits bound it from below, lost hits from above. The scan says where to begin; from
-/// there on all rays count. They need not fail less with every step, since origins are rounded to float.
-void OffsetSearch::FindRange(CureFindings& found, Fault fault) const {
+/// One end of the range: self-hits bound it from below, lost hits from above. The scan says where to begin. Rays
+/// need not fail less with every step, since origins are rounded to float.
+void OffsetSearch::FindRange(CureFindings& found, Fault fault, uint64_t rays) const {
+  const auto any = [&](float offset) { return Count(found.cure, offset, fault, rays, true) > 0; };
   const bool low = fault == Fault::kSelfHit;
   const int step = low ? 1 : -1, n = int(found.scan.size());
   const auto fails = [&](const Seen& seen) { return (low ? *seen.self_hits : *seen.lost) > 0; };
-  // The last that fails, seen from the safe end.
-  int i = low ? n - 1 : 0;
+  // The last that fails, seen from the safe end. Where hits are lost, rays also hit from behind what they leapt over.
+  int i = 0;
+  while (low && i + 1 < n && *found.scan[size_t(i + 1)].lost == 0) ++i;
   while (i >= 0 && i < n && !fails(found.scan[size_t(i)])) i -= step;
   std::optional<float> bad, good;
   if (i >= 0 && i < n) bad = found.scan[size_t(i)].offset;
   for (i = i < 0 ? 0 : i >= n ? n - 1 : i + step; i >= 0 && i < n && !good; i += step) {
     const float offset = found.scan[size_t(i)].offset;
-    (Any(found.cure, offset, fault) ? bad : good) = offset;
+    (any(offset) ? bad : good) = offset;
   }
   while (bad && good && std::max(*good / *bad, *bad / *good) > kNear) {
     const float middle = Printable(std::sqrt(double(*bad) * double(*good)));
     if (middle == *bad || middle == *good) break;
-    (Any(found.cure, middle, fault) ? bad : good) = middle;
+    (any(middle) ? bad : good) = middle;
   }
   const auto seen = [&](float offset, uint64_t count) {
-    Seen s{offset, departing_.size(), {}, {}};
+    Seen s{offset, rays, {}, {}};
     (low ? s.self_hits : s.lost) = count;
     return s;
   };
+  (low ? found.smallest_safe : found.largest_safe) = {};
+  (low ? found.below : found.above) = {};
   if (good) (low ? found.smallest_safe : found.largest_safe) = seen(*good, 0);
-  if (bad)
-    (low ? found.below : found.above) = seen(*bad, Count(found.cure, *bad, fault, departing_.size(), false));
+  if (bad) (low ? found.below : found.above) = seen(*bad, Count(found.cure, *bad, fault, rays, false));
 }
 
 void OffsetSearch::Name(CureFindings& found) const {
   std::vector<float> tries;
-  if (found.smallest_safe && found.largest_safe &&
-      found.smallest_safe->offset <= found.largest_safe->offset) {
+  if (found.HasRange()) {
     const double lo = found.smallest_safe->offset, hi = found.largest_safe->offset;
     // A margin on either side, where there is room for it.
     for (double x : {std::min(2 * lo, std::sqrt(lo * hi)), std::sqrt(lo * hi), lo})
@@ -155,7 +158,9 @@ void OffsetSearch::Name(CureFindings& found) const {
 void OffsetSearch::MeasureWays(CureFindings& found) const {
   const double size = InScene(found.named.offset);
   found.shortest = std::numeric_limits<double>::infinity();
-  for (const Departing& departing : departing_.first(std::min<uint64_t>(kSome, departing_.size()))) {
+  const uint64_t rays = std::min<uint64_t>(kTimed, departing_.size());
+  for (uint64_t i = 0; i < rays; ++i) {
+    const Departing& departing = Picked(i, rays);
     const rb_hit hit{0, departing.u, departing.v, departing.prim};
     const double way =
         Length(Depart(scene_, departing, found.cure, size).begin - SurfaceAt(scene_, {}, hit).point);
@@ -168,12 +173,17 @@ CureFindings OffsetSearch::Find(SelfIntersection cure) const {
   CureFindings found{.cure = cure, .sized = IsSized(cure)};
   if (found.sized) {
     const double diagonal = std::ldexp(Length(ToDouble(scene_.bounds().Extent())), -scene_.scale_exponent);
-    for (int power = -kPowers; power <= 0; ++power)
-      found.scan.push_back(
-          Look(cure, Printable(std::ldexp(diagonal, power)), std::min<uint64_t>(kSome, departing_.size())));
-    FindRange(found, Fault::kSelfHit);
-    FindRange(found, Fault::kLost);
-    Name(found);
+    for (int power = -kPowers; power <= 0; power += kStep)
+      found.scan.push_back(Look(cure, Printable(std::ldexp(diagonal, power)),
+                                std::min<uint64_t>(kScanned, departing_.size())));
+    // All rays judge what is named; where that fails, all of them have to search.
+    const uint64_t all = departing_.size(), some = std::min(kSearched, all);
+    for (uint64_t rays = some;; rays = all) {
+      FindRange(found, Fault::kSelfHit, rays);
+      FindRange(found, Fault::kLost, rays);
+      Name(found);
+      if (found.named.Safe() || !found.HasRange() || rays == all) break;
+    }
   } else {
     found.named = Look(cure, 0, departing_.size());
   }
@@ -183,11 +193,13 @@ CureFindings OffsetSearch::Find(SelfIntersection cure) const {
 
 uint64_t OffsetSearch::Work(SelfIntersection cure) const {
   const uint64_t n = departing_.size();
-  return IsSized(cure) ? 2 * (kPowers + 1) * std::min<uint64_t>(kSome, n) + 18 * n : 2 * n;
+  return IsSized(cure)
+             ? 2 * (kPowers / kStep + 1) * std::min(kScanned, n) + 14 * std::min(kSearched, n) + 2 * n
+             : 2 * n;
 }
 
 void OffsetSearch::Time(std::span<CureFindings> findings) const {
-  const uint64_t rays = std::min<uint64_t>(kSome, departing_.size());
+  const uint64_t rays = std::min<uint64_t>(kTimed, departing_.size());
   std::vector<std::vector<double>> ns(findings.size());
   const Pinned pinned(true);
   Block block;
@@ -200,7 +212,7 @@ void OffsetSearch::Time(std::span<CureFindings> findings) const {
         block.rays.clear();
         block.skip.clear();
         for (uint64_t k = begin; k < std::min(rays, begin + kBlock); ++k) {
-          const Departed departed = Depart(scene_, departing_[k], findings[i].cure, size);
+          const Departed departed = Depart(scene_, Picked(k, rays), findings[i].cure, size);
           block.rays.push_back(departed.ray);
           block.skip.push_back(departed.skip);
         }

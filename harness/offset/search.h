@@ -25,11 +25,16 @@ struct CureFindings {
   SelfIntersection cure;
   bool sized = false;           ///< it has an offset to choose
   std::vector<Seen> scan = {};  ///< over some of the rays, offsets ascending; sized cures only
-  /// Around the safe range, over all rays. Absent: none of the offsets tried is such a one.
+  /// Around the safe range, over some of the rays (Seen::rays). Absent: none of the offsets tried is such a one.
   std::optional<Seen> below = {}, smallest_safe = {}, largest_safe = {}, above = {};
   Seen named = {};  ///< over all rays: the offset to take, or where none is safe the one that fails least
   double shortest = 0, longest = 0;  ///< way to the begin at `named`, in units of the scene's file
   std::optional<double> ns_per_ray = {};
+
+  /// Some offset is safe, as far as the rays that searched tell.
+  bool HasRange() const {
+    return smallest_safe && largest_safe && smallest_safe->offset <= largest_safe->offset;
+  }
 };
 
 class OffsetSearch {
@@ -45,19 +50,20 @@ class OffsetSearch {
   /// Fills ns_per_ray: passes over some of the rays that take turns over the cures, on one pinned thread.
   void Time(std::span<CureFindings> findings) const;
 
-  /// Self-hits and lost hits among the first `rays` rays.
+  /// Self-hits and lost hits among `rays` rays, evenly picked.
   Seen Look(SelfIntersection cure, float offset, uint64_t rays) const;
 
  private:
   enum class Fault { kSelfHit, kLost };
   uint64_t Count(SelfIntersection cure, float offset, Fault fault, uint64_t rays, bool first_only) const;
-  bool Any(SelfIntersection cure, float offset, Fault fault) const {
-    return Count(cure, offset, fault, departing_.size(), true) > 0;
-  }
-  void FindRange(CureFindings& found, Fault fault) const;
+  void FindRange(CureFindings& found, Fault fault, uint64_t rays) const;
   void Name(CureFindings& found) const;
   void MeasureWays(CureFindings& found) const;
   double InScene(float offset) const;
+  /// The i-th of `rays` that are evenly picked: they stand in the order of primitives.
+  const Departing& Picked(uint64_t i, uint64_t rays) const {
+    return departing_[i * departing_.size() / rays];
+  }
 
   const Scene& scene_;
   const Tree& tree_;

@@ -170,7 +170,7 @@ TEST(HarnessOffset, AnOffsetOfNothingHitsItselfAndOneBeyondTheGapLosesHits) {
   ASSERT_TRUE(found.below && found.smallest_safe && found.largest_safe && found.above);
   EXPECT_GT(*found.below->self_hits, 0u);
   EXPECT_LT(found.below->offset, found.smallest_safe->offset);
-  EXPECT_LT(found.smallest_safe->offset / found.below->offset, 1.06f);
+  EXPECT_LT(found.smallest_safe->offset / found.below->offset, 1.12f);
   EXPECT_LT(found.smallest_safe->offset, found.largest_safe->offset);
   // The shells' facets are a little nearer to each other than their vertices.
   EXPECT_GT(found.largest_safe->offset, 0.8f * kGap);
@@ -238,11 +238,11 @@ TEST_F(HarnessOffsetCommand, NamesASafeOffsetAtEachScale) {
 }
 
 TEST_F(HarnessOffsetCommand, SaysThatNothingIsSafe) {
-  // Two panes of glass less than an ulp of the coordinates apart, oblique, so that origins are rounded across.
+  // Two oblique panes of glass that meet in an edge and are nowhere more than an ulp of the coordinates apart:
+  // rounding alone puts origins beyond the other one.
   std::ofstream(In("m.mtl")) << "newmtl glass\nillum 6\nKd 0 0 0\nTf 1 1 1\nNi 1\n";
-  std::ofstream(In("panes.obj"))
-      << "mtllib m.mtl\nusemtl glass\nv 3 0 1000\nv 1003 0 1700\nv 0 1000 1300\n"
-         "v 3 0 1000.00007\nv 1003 0 1700.00013\nv 0 1000 1300.00013\nf 1 2 3\nf 4 5 6\n";
+  std::ofstream(In("panes.obj")) << "mtllib m.mtl\nusemtl glass\nv 3 0 1000\nv 1003 0 1700\nv 0 1000 1300\n"
+                                    "v 3 0 1000.00007\nf 1 2 3\nf 4 2 3\n";
   const Outcome outcome = Offset({In("panes.obj"), "--rays", "16K"});
   EXPECT_EQ(outcome.exit_code, 1) << outcome.out << outcome.err;
   EXPECT_THAT(outcome.out, HasSubstr("No cure is safe here. Least goes wrong with --self-intersection"));
@@ -258,7 +258,7 @@ TEST_F(HarnessOffsetCommand, WrongInputIsOneLine) {
            {{"icosphere", "--structure", "bvh_wid"}, "did you mean bvh_wide?"},
            {{"icosphere", "--out", In("full")}, "already holds an offset.csv"},
            {{"sphereflake(depth=1,tessellation=0)"}, "has 10 procedural primitives"},
-           {{In("empty.off")}, "has no triangles"},
+           {{In("empty.off")}, "has no faces"},
            {{"scale(icosphere,factor=0)"}, "factor"},
            {{"scale(scale(scale(scale(icosphere,factor=1e12),factor=1e12),factor=1e12),factor=1e12)"},
             "leads out of float's range"}}) {

@@ -23,14 +23,15 @@ def cells(rows, cure):
     """Of one cure: the safe offsets, and what was seen just outside."""
     seen = {row["role"]: row for row in rows if row["cure"] == cure and row["role"] != "scan"}
     named = seen["named"]
-    rates = f"{named['self_hits']} \\| {named['lost']}"
+    rates = f"{named['self_hits']} / {named['lost']}"
     if not named["offset"]:
         return rates
-    if named["safe"] != "1":
+    lo, hi = (float(seen[role]["offset"]) if role in seen else None for role in ("smallest_safe", "largest_safe"))
+    if named["safe"] != "1" or lo is None or hi is None or lo > hi:
         return f"none (at {number(named['offset'])}: {rates})"
-    text = f"{number(seen['smallest_safe']['offset'])} to {number(seen['largest_safe']['offset'])}"
+    text = f"{number(lo)} to {number(hi)}{'' if 'above' in seen else ' (all)'}"
     outside = [seen[role][fault] for role, fault in (("below", "self_hits"), ("above", "lost")) if role in seen]
-    return f"{text} (outside: {' \\| '.join(outside)})"
+    return f"{text} (outside: {' / '.join(outside)})"
 
 
 def main():
