@@ -33,11 +33,19 @@ def _chart(name, fronts, at, folder):
     if x.percent:
         x_axis["axis"] = {"labelExpr": "format(datum.value, '~%')", "values": [10.0**d for d in range(-7, 1)]}
         x_axis["scale"] |= {"domain": [rows["x"].min() / 3, min(1.0, rows["x"].max() * 3)]}
-    better = "up is faster" if y.better == "high" else "down is less" if y.column == "memory_bytes" else "down is faster"
+    better = (
+        "up is faster" if y.better == "high" else "down is less" if y.column == "memory_bytes" else "down is faster"
+    )
     y_axis = vega.number("y", f"{y.title} (log scale, {better})")
     seen = [s for s in SEEN if s in set(rows["seen"])]
     colour = {"field": "place", "type": "nominal", "title": "place", "sort": PLACES, "scale": {"domain": PLACES}}
-    shape = {"field": "seen", "type": "nominal", "title": "error", "sort": seen, "scale": {"domain": seen, "range": [SHAPES[SEEN.index(s)] for s in seen]}}
+    shape = {
+        "field": "seen",
+        "type": "nominal",
+        "title": "error",
+        "sort": seen,
+        "scale": {"domain": seen, "range": [SHAPES[SEEN.index(s)] for s in seen]},
+    }
     tooltip = vega.tooltip(
         ("point", "point"), ("panel", "where"), ("place", "place"), ("dominated_by", "dominated by"),
         ("x_true", x.title, ".3~g"), ("y", y.title, ".4~g"), ("y_lo", "from", ".4~g"), ("y_hi", "to", ".4~g"), ("command", "again by"),
@@ -61,11 +69,15 @@ def _chart(name, fronts, at, folder):
             for place, dy in (("above", -8), ("below", 9))
         ),
     ]  # fmt: skip
-    notes = ["The dashed line joins the points that nothing dominates; what is `undecided` is dominated by values whose intervals meet."]
+    notes = [
+        "The dashed line joins the points that nothing dominates; what is `undecided` is dominated by values whose intervals meet."
+    ]
     if (rows["seen"] == SEEN[1]).any():
         notes.append("Triangles: no wrong answer was seen; the true share lies left of them (95 %).")
     if (rows["seen"] == EXACT).any():
-        notes.append("Squares: equal to the reference; they stand left of the smallest error, where the axis has no zero.")
+        notes.append(
+            "Squares: equal to the reference; they stand left of the smallest error, where the axis has no zero."
+        )
     return Chart(
         f"front_{at}_{''.join(c if c.isalnum() else '_' for c in name)}",
         fronts[0].title,
@@ -108,13 +120,18 @@ def short(point):
     """The point's name without the names of its parameters: "bvh_wide watertight", "embree robust"."""
     name, values = re.fullmatch(r"([^(]*)(?:\((.*)\))?", point).groups()
     pairs = [pair.partition("=") for pair in (values or "").split(",") if pair]
-    words = [key if value == "true" else f"{key} {value}" if value.replace(".", "").isdigit() else value for key, _, value in pairs]
+    words = [
+        key if value == "true" else f"{key} {value}" if value.replace(".", "").isdigit() else value
+        for key, _, value in pairs
+    ]
     return " ".join([name, *words])
 
 
 def _named(rows):
     """Where the name of a point of the front stands beside its dot: inside the panel, above and below by turns."""
-    middle = np.sqrt(rows["x"].min() * rows["x"].max()) if (rows["x"] > 0).all() else (rows["x"].min() + rows["x"].max()) / 2
+    middle = (
+        np.sqrt(rows["x"].min() * rows["x"].max()) if (rows["x"] > 0).all() else (rows["x"].min() + rows["x"].max()) / 2
+    )
     side = np.where(rows["x"] > middle, "left", "right")
     turn = rows[rows["place"] == FRONT]["x"].rank(method="first").reindex(rows.index)
     return pd.Series([f"{s} {'above' if t % 2 else 'below'}" if t == t else "" for s, t in zip(side, turn)], rows.index)

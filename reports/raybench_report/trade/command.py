@@ -30,8 +30,8 @@ class Settings:
 
     scenes: list = field(default_factory=list)
     knobs: list = field(default_factory=lambda: list(knobs.DEFAULT))
-    seconds: float = 120
-    rays: int = 65536
+    seconds: float = 180
+    rays: int = 16384
     verify_rays: int = 32768
     repetitions: int = 9
     size: tuple = (192, 192)
@@ -45,7 +45,7 @@ class Settings:
 
 
 QUICK = {
-    "seconds": 20, "rays": 8192, "verify_rays": 4096, "repetitions": 6, "size": (96, 96), "samples": 6,
+    "seconds": 40, "rays": 4096, "verify_rays": 4096, "repetitions": 6, "size": (96, 96), "samples": 6,
     "reference_samples": 16, "reference_seconds": 10,
 }  # fmt: skip
 
@@ -202,7 +202,9 @@ def _sweep(program, settings, work, say):
         plans.append((scene, facts, chosen, share))
     rows, notes = [], []
     if images.flip_evaluator is None and any(plan[2].pictures for plan in plans):
-        notes.append("FLIP is left out: the package flip-evaluator is not there (its wheels are for x86-64); fronts show RMSE")
+        notes.append(
+            "FLIP is left out: the package flip-evaluator is not there (its wheels are for x86-64); fronts show RMSE"
+        )
     for at, (scene, facts, chosen, share) in enumerate(plans):
         prefix = f"{scene}: " if len(plans) > 1 else ""
         notes += [prefix + text for text in chosen.left_out]
@@ -275,7 +277,11 @@ def _text(found, rows, bad, facts, out, no_report):
     """For the terminal: fronts, what is broken, notes, sentences, files."""
     lines = []
     for front in found:
-        if front.ray_set in ("camera", "diffuse") or front.name in ("t_error", "lod_memory") or front.name.endswith(":build"):
+        if (
+            front.ray_set in ("camera", "diffuse")
+            or front.name in ("t_error", "lod_memory")
+            or front.name.endswith(":build")
+        ):
             continue  # in fronts.csv and on the page
         where = " ".join(x for x in (front.scene, f"({front.ray_set} rays)" if front.ray_set else "") if x)
         lines += [f"{front.title}: {where}", *fronts.lines(front), ""]
