@@ -102,7 +102,10 @@ def _rows(front, label):
         "panel": label[front.scene] + (f", {front.ray_set} rays" if front.ray_set else ""),
     })  # fmt: skip
     for name, axis, factor in (("x", x, front.x.factor), ("y", y, front.y.factor)):
-        found[name], found[f"{name}_lo"], found[f"{name}_hi"] = axis.value * factor, axis.lo * factor, axis.hi * factor
+        found[name] = axis.value * factor
+        for end in ("lo", "hi"):
+            ends = getattr(axis, end)
+            found[f"{name}_{end}"] = np.where(np.isfinite(ends), ends, axis.value) * factor
     found["x_true"] = found["x"]
     found["seen"] = SEEN[0]
     zero = found["x"] == 0

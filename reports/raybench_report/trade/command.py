@@ -90,7 +90,7 @@ def main(argv):
         say(None)
         found = fronts.fronts(rows)
         bad = rows[rows["status"].isin(["refused", "disagrees"])]
-        facts = _facts(settings, arguments, work, notes, fronts.sentences(found, len(settings.scenes)), begin, bad)
+        facts = _facts(settings, argv, work, notes, fronts.sentences(found, len(settings.scenes)), begin, bad)
         _write(work, rows, found, facts)
         if not arguments.no_report:
             _report(work)
@@ -229,19 +229,18 @@ def _sweep(program, settings, work, say):
 
 
 def _has_decimate(program):
-    return any(entry["name"] == "decimate" for entry in program.list("generators"))
+    return any(entry["name"] == "decimate" for entry in program.list("generators")["modifiers"])
 
 
 # ---- what is left ----
 
 
-def _facts(settings, arguments, work, notes, says, begin, bad):
+def _facts(settings, argv, work, notes, says, begin, bad):
     """tradeoff.json: with machine and build of a run, where there was one."""
     run = next(iter(sorted(work.glob("**/run/run.json"))), None)
     info = json.loads(run.read_text(encoding="utf-8")) if run else {}
     kept = {name: info[name] for name in ("machine", "build", "libraries", "timing", "machine_state") if name in info}
-    words = ["raybench", "tradeoff", *settings.scenes]
-    words += ["--knobs", ",".join(settings.knobs)] + (["--quick"] if settings.quick else [])
+    words = ["raybench", *(word for word in argv if not word.startswith("--program="))]
     return {
         "format": columns.FORMAT,
         "command_line": words,

@@ -59,7 +59,10 @@ class Front:
         })  # fmt: skip
         for side, measure in (("x", self.x), ("y", self.y)):
             axis = measure.axis(self.rows)
-            found[f"{side}_value"], found[f"{side}_lo"], found[f"{side}_hi"] = axis.value, axis.lo, axis.hi
+            found[f"{side}_value"] = axis.value
+            for end in ("lo", "hi"):
+                ends = getattr(axis, end)
+                found[f"{side}_{end}"] = np.where(np.isfinite(ends), ends, np.nan)
         return found.assign(place=self.rows["place"].to_numpy(), dominated_by=self.rows["dominated_by"].to_numpy())
 
 

@@ -153,7 +153,9 @@ def _add_tests(chosen, structures, quick, by_name):
         return
     fma = ("", ",fma=true") if by_name and not quick and "fma" in own else ("",)
     for test in own["triangle"]["choices"]:
-        for more in fma if test not in ("as_numerics", "exact") else ("",):
+        if test == "as_numerics":  # not called triangle by triangle, as these are
+            continue
+        for more in fma if test != "exact" else ("",):
             spec = f"bvh_sah(triangle={test}{more})"
             chosen.points.append(Point("tests", spec, spec=spec))
     for slab in own["slab"]["choices"] if "slab" in own else ():
