@@ -341,7 +341,7 @@ def test_a_real_sweep_measures_all_it_was_asked(real):
     assert (
         precision.groupby("ray_set")["hits_digest"].nunique().eq(1).all() and precision["memory_bytes"].nunique() == 3
     )
-    assert pictures["seconds_lo"].notna().all() and pictures["samples"].eq(6).all()
+    assert pictures["samples"].between(3, 6).all() and (pictures["seconds_lo"].notna() == (pictures["samples"] == 6)).all()
     deepest = pictures[pictures["point"] == "depth 64"].iloc[0]
     assert deepest["rmse"] == 0 and pictures.loc[pictures["point"] == "depth 0", "rmse"].gt(0.01).all()
     assert (out / deepest["picture"]).is_file() and (out / "report.html").stat().st_size > 1e5

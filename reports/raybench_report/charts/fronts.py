@@ -46,6 +46,7 @@ def _chart(name, fronts, at, folder):
         "sort": seen,
         "scale": {"domain": seen, "range": [SHAPES[SEEN.index(s)] for s in seen]},
     }
+    shape = {"shape": shape} if len(seen) > 1 else {}
     tooltip = vega.tooltip(
         ("point", "point"), ("panel", "where"), ("place", "place"), ("dominated_by", "dominated by"),
         ("x_true", x.title, ".3~g"), ("y", y.title, ".4~g"), ("y_lo", "from", ".4~g"), ("y_hi", "to", ".4~g"), ("command", "again by"),
@@ -58,7 +59,7 @@ def _chart(name, fronts, at, folder):
         },
         {"mark": {"type": "rule", "opacity": 0.45}, "encoding": {"x": x_axis, "y": y_axis | {"field": "y_lo"}, "y2": {"field": "y_hi"}, "color": colour}},
         {"mark": {"type": "rule", "opacity": 0.45}, "encoding": {"y": y_axis, "x": x_axis | {"field": "x_lo"}, "x2": {"field": "x_hi"}, "color": colour}},
-        {"mark": {"type": "point"}, "encoding": {"x": x_axis, "y": y_axis, "color": colour, "shape": shape} | tooltip},
+        {"mark": {"type": "point"}, "encoding": {"x": x_axis, "y": y_axis, "color": colour} | shape | tooltip},
         *(
             {
                 "transform": [{"filter": f"datum.named == '{side} {place}'"}],
@@ -116,7 +117,10 @@ def _rows(front, label):
         found.loc[zero, ["x", "x_lo", "x_hi"]] = found.loc[~zero, "x"].min() / 3
         found.loc[zero, "seen"] = EXACT
     found["x_lo"] = found["x_lo"].where(found["x_lo"] > 0, found["x"])
-    return found.assign(named=_named(found), name=found["point"].map(short))
+    return found.assign(
+        named=_named(found, log=front.x.column != "t_error_p99" and bool((found["x"] > 0).all())),
+        name=found["point"].map(short),
+    )
 
 
 def short(point):
@@ -130,11 +134,10 @@ def short(point):
     return " ".join([name, *words])
 
 
-def _named(rows):
+def _named(rows, log):
     """Where the name of a point of the front stands beside its dot: inside the panel, above and below by turns."""
-    middle = (
-        np.sqrt(rows["x"].min() * rows["x"].max()) if (rows["x"] > 0).all() else (rows["x"].min() + rows["x"].max()) / 2
-    )
+    lo, hi = rows["x"].min(), rows["x"].max()
+    middle = np.sqrt(lo * hi) if log else hi / 2
     side = np.where(rows["x"] > middle, "left", "right")
     turn = rows[rows["place"] == FRONT]["x"].rank(method="first").reindex(rows.index)
     return pd.Series([f"{s} {'above' if t % 2 else 'below'}" if t == t else "" for s, t in zip(side, turn)], rows.index)
