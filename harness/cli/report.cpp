@@ -14,9 +14,10 @@ struct ReportArguments {
 
 void AddOptions(CLI::App& command, ReportArguments& arguments) {
   command
-      .add_option("dirs", arguments.folders,
-                  "Result folders of run, verify, extremes, fuzz, check-plugin or check, or the store of "
-                  "history add; several runs stand side by side")
+      .add_option(
+          "dirs", arguments.folders,
+          "Result folders of run, verify, extremes, fuzz, check-plugin, check or tradeoff, or the store "
+          "of history add; several runs stand side by side")
       ->required()
       ->type_name("DIR");
   command

@@ -37,11 +37,14 @@ void AddOptions(CLI::App& command, TradeoffOptions& options) {
                    "Fewer points, rays and samples: about a minute on small scenes");
   command
       .add_option("--seconds", options.seconds,
-                  "Budget of all timing of a scene; default 120, quick 20. Judging answers and reference "
+                  "Budget of all timing of a scene; default 180, quick 40. Judging answers and reference "
                   "pictures come on top")
       ->transform(RealNumber(0.001, 1e6))
       ->type_name("SECONDS");
-  command.add_option("--rays", options.rays, "Rays of a set that are timed; default 64K, quick 8K")
+  command
+      .add_option("--rays", options.rays,
+                  "Rays of a set that are timed; default 16K, quick 4K; "
+                  "fewer where the slowest structure cannot do them in its share of --seconds")
       ->transform(WholeNumber(64, uint64_t{1} << 28, Units::kSizes))
       ->type_name("N");
   command

@@ -68,9 +68,7 @@ def _report(argv):
     if arguments.figures:
         from . import figures
 
-        return figures.write(
-            arguments.out or arguments.directories[0] / "figures", *_read(arguments.directories)
-        )
+        return figures.write(arguments.out or arguments.directories[0] / "figures", *_read(arguments.directories))
     out = arguments.out or arguments.directories[0] / "report.html"
     write_page(arguments.directories, out)
     return f"report  {out} ({out.stat().st_size / 1e6:.1f} MB)\n"

@@ -33,11 +33,20 @@ def _chart(name, fronts, at, folder):
     if x.percent:
         x_axis["axis"] = {"labelExpr": "format(datum.value, '~%')", "values": [10.0**d for d in range(-7, 1)]}
         x_axis["scale"] |= {"domain": [rows["x"].min() / 3, min(1.0, rows["x"].max() * 3)]}
-    better = "up is faster" if y.better == "high" else "down is less" if y.column == "memory_bytes" else "down is faster"
+    better = (
+        "up is faster" if y.better == "high" else "down is less" if y.column == "memory_bytes" else "down is faster"
+    )
     y_axis = vega.number("y", f"{y.title} (log scale, {better})")
     seen = [s for s in SEEN if s in set(rows["seen"])]
     colour = {"field": "place", "type": "nominal", "title": "place", "sort": PLACES, "scale": {"domain": PLACES}}
-    shape = {"field": "seen", "type": "nominal", "title": "error", "sort": seen, "scale": {"domain": seen, "range": [SHAPES[SEEN.index(s)] for s in seen]}}
+    shape = {
+        "field": "seen",
+        "type": "nominal",
+        "title": "error",
+        "sort": seen,
+        "scale": {"domain": seen, "range": [SHAPES[SEEN.index(s)] for s in seen]},
+    }
+    shape = {"shape": shape} if len(seen) > 1 else {}
     tooltip = vega.tooltip(
         ("point", "point"), ("panel", "where"), ("place", "place"), ("dominated_by", "dominated by"),
         ("x_true", x.title, ".3~g"), ("y", y.title, ".4~g"), ("y_lo", "from", ".4~g"), ("y_hi", "to", ".4~g"), ("command", "again by"),
@@ -50,7 +59,7 @@ def _chart(name, fronts, at, folder):
         },
         {"mark": {"type": "rule", "opacity": 0.45}, "encoding": {"x": x_axis, "y": y_axis | {"field": "y_lo"}, "y2": {"field": "y_hi"}, "color": colour}},
         {"mark": {"type": "rule", "opacity": 0.45}, "encoding": {"y": y_axis, "x": x_axis | {"field": "x_lo"}, "x2": {"field": "x_hi"}, "color": colour}},
-        {"mark": {"type": "point"}, "encoding": {"x": x_axis, "y": y_axis, "color": colour, "shape": shape} | tooltip},
+        {"mark": {"type": "point"}, "encoding": {"x": x_axis, "y": y_axis, "color": colour} | shape | tooltip},
         *(
             {
                 "transform": [{"filter": f"datum.named == '{side} {place}'"}],
@@ -61,11 +70,15 @@ def _chart(name, fronts, at, folder):
             for place, dy in (("above", -8), ("below", 9))
         ),
     ]  # fmt: skip
-    notes = ["The dashed line joins the points that nothing dominates; what is `undecided` is dominated by values whose intervals meet."]
+    notes = [
+        "The dashed line joins the points that nothing dominates; what is `undecided` is dominated by values whose intervals meet."
+    ]
     if (rows["seen"] == SEEN[1]).any():
         notes.append("Triangles: no wrong answer was seen; the true share lies left of them (95 %).")
     if (rows["seen"] == EXACT).any():
-        notes.append("Squares: equal to the reference; they stand left of the smallest error, where the axis has no zero.")
+        notes.append(
+            "Squares: equal to the reference; they stand left of the smallest error, where the axis has no zero."
+        )
     return Chart(
         f"front_{at}_{''.join(c if c.isalnum() else '_' for c in name)}",
         fronts[0].title,
@@ -90,7 +103,10 @@ def _rows(front, label):
         "panel": label[front.scene] + (f", {front.ray_set} rays" if front.ray_set else ""),
     })  # fmt: skip
     for name, axis, factor in (("x", x, front.x.factor), ("y", y, front.y.factor)):
-        found[name], found[f"{name}_lo"], found[f"{name}_hi"] = axis.value * factor, axis.lo * factor, axis.hi * factor
+        found[name] = axis.value * factor
+        for end in ("lo", "hi"):
+            ends = getattr(axis, end)
+            found[f"{name}_{end}"] = np.where(np.isfinite(ends), ends, axis.value) * factor
     found["x_true"] = found["x"]
     found["seen"] = SEEN[0]
     zero = found["x"] == 0
@@ -101,20 +117,27 @@ def _rows(front, label):
         found.loc[zero, ["x", "x_lo", "x_hi"]] = found.loc[~zero, "x"].min() / 3
         found.loc[zero, "seen"] = EXACT
     found["x_lo"] = found["x_lo"].where(found["x_lo"] > 0, found["x"])
-    return found.assign(named=_named(found), name=found["point"].map(short))
+    return found.assign(
+        named=_named(found, log=front.x.column != "t_error_p99" and bool((found["x"] > 0).all())),
+        name=found["point"].map(short),
+    )
 
 
 def short(point):
     """The point's name without the names of its parameters: "bvh_wide watertight", "embree robust"."""
     name, values = re.fullmatch(r"([^(]*)(?:\((.*)\))?", point).groups()
     pairs = [pair.partition("=") for pair in (values or "").split(",") if pair]
-    words = [key if value == "true" else f"{key} {value}" if value.replace(".", "").isdigit() else value for key, _, value in pairs]
+    words = [
+        key if value == "true" else f"{key} {value}" if value.replace(".", "").isdigit() else value
+        for key, _, value in pairs
+    ]
     return " ".join([name, *words])
 
 
-def _named(rows):
+def _named(rows, log):
     """Where the name of a point of the front stands beside its dot: inside the panel, above and below by turns."""
-    middle = np.sqrt(rows["x"].min() * rows["x"].max()) if (rows["x"] > 0).all() else (rows["x"].min() + rows["x"].max()) / 2
+    lo, hi = rows["x"].min(), rows["x"].max()
+    middle = np.sqrt(lo * hi) if log else hi / 2
     side = np.where(rows["x"] > middle, "left", "right")
     turn = rows[rows["place"] == FRONT]["x"].rank(method="first").reindex(rows.index)
     return pd.Series([f"{s} {'above' if t % 2 else 'below'}" if t == t else "" for s, t in zip(side, turn)], rows.index)

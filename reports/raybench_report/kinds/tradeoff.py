@@ -55,7 +55,14 @@ def _section(folder, at, several):
     name = f"tradeoff_{at}" if at else "tradeoff"
     title = "What accuracy costs" + (f" ({folder.shown})" if several else "")
     return Section(
-        name, title, "Trade-off", says, charts.charts(folder, at), tables, _pictures(folder), answer=_answer(folder, bad)
+        name,
+        title,
+        "Trade-off",
+        says,
+        charts.charts(folder, at),
+        tables,
+        _pictures(folder),
+        answer=_answer(folder, bad),
     )
 
 

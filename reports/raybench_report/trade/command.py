@@ -30,8 +30,8 @@ class Settings:
 
     scenes: list = field(default_factory=list)
     knobs: list = field(default_factory=lambda: list(knobs.DEFAULT))
-    seconds: float = 120
-    rays: int = 65536
+    seconds: float = 180
+    rays: int = 16384
     verify_rays: int = 32768
     repetitions: int = 9
     size: tuple = (192, 192)
@@ -45,7 +45,7 @@ class Settings:
 
 
 QUICK = {
-    "seconds": 20, "rays": 8192, "verify_rays": 4096, "repetitions": 6, "size": (96, 96), "samples": 6,
+    "seconds": 40, "rays": 4096, "verify_rays": 4096, "repetitions": 6, "size": (96, 96), "samples": 6,
     "reference_samples": 16, "reference_seconds": 10,
 }  # fmt: skip
 
@@ -90,7 +90,7 @@ def main(argv):
         say(None)
         found = fronts.fronts(rows)
         bad = rows[rows["status"].isin(["refused", "disagrees"])]
-        facts = _facts(settings, arguments, work, notes, fronts.sentences(found, len(settings.scenes)), begin, bad)
+        facts = _facts(settings, argv, work, notes, fronts.sentences(found, len(settings.scenes)), begin, bad)
         _write(work, rows, found, facts)
         if not arguments.no_report:
             _report(work)
@@ -202,7 +202,9 @@ def _sweep(program, settings, work, say):
         plans.append((scene, facts, chosen, share))
     rows, notes = [], []
     if images.flip_evaluator is None and any(plan[2].pictures for plan in plans):
-        notes.append("FLIP is left out: the package flip-evaluator is not there (its wheels are for x86-64); fronts show RMSE")
+        notes.append(
+            "FLIP is left out: the package flip-evaluator is not there (its wheels are for x86-64); fronts show RMSE"
+        )
     for at, (scene, facts, chosen, share) in enumerate(plans):
         prefix = f"{scene}: " if len(plans) > 1 else ""
         notes += [prefix + text for text in chosen.left_out]
@@ -227,19 +229,18 @@ def _sweep(program, settings, work, say):
 
 
 def _has_decimate(program):
-    return any(entry["name"] == "decimate" for entry in program.list("generators"))
+    return any(entry["name"] == "decimate" for entry in program.list("generators")["modifiers"])
 
 
 # ---- what is left ----
 
 
-def _facts(settings, arguments, work, notes, says, begin, bad):
+def _facts(settings, argv, work, notes, says, begin, bad):
     """tradeoff.json: with machine and build of a run, where there was one."""
     run = next(iter(sorted(work.glob("**/run/run.json"))), None)
     info = json.loads(run.read_text(encoding="utf-8")) if run else {}
     kept = {name: info[name] for name in ("machine", "build", "libraries", "timing", "machine_state") if name in info}
-    words = ["raybench", "tradeoff", *settings.scenes]
-    words += ["--knobs", ",".join(settings.knobs)] + (["--quick"] if settings.quick else [])
+    words = ["raybench", *(word for word in argv if not word.startswith("--program="))]
     return {
         "format": columns.FORMAT,
         "command_line": words,
@@ -275,7 +276,11 @@ def _text(found, rows, bad, facts, out, no_report):
     """For the terminal: fronts, what is broken, notes, sentences, files."""
     lines = []
     for front in found:
-        if front.ray_set in ("camera", "diffuse") or front.name in ("t_error", "lod_memory") or front.name.endswith(":build"):
+        if (
+            front.ray_set in ("camera", "diffuse")
+            or front.name in ("t_error", "lod_memory")
+            or front.name.endswith(":build")
+        ):
             continue  # in fronts.csv and on the page
         where = " ".join(x for x in (front.scene, f"({front.ray_set} rays)" if front.ray_set else "") if x)
         lines += [f"{front.title}: {where}", *fronts.lines(front), ""]

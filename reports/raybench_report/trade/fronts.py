@@ -8,7 +8,7 @@ import pandas as pd
 from .. import columns
 from .pareto import DOMINATED, FRONT, UNDECIDED, Axis, places
 
-ARITHMETIC = ("numerics", "tests")
+SHOWN = 10  # dominated points in a table of the terminal
 RAYS = ("camera", "random", "diffuse", "aimed")
 
 
@@ -34,7 +34,7 @@ T_ERROR = Measure("t_error_p99", "error of t, ulp (99 %)")
 MEMORY = Measure("memory_bytes", "MB", factor=1e-6)
 BUILD = Measure("build_ms", "build, ms", ends=("build_lo", "build_hi"))
 SECONDS = Measure("seconds", "seconds a picture", ends=("seconds_lo", "seconds_hi"))
-FLIP = Measure("flip_mean", "FLIP, mean")
+FLIP = Measure("flip_mean", "mean FLIP")
 RMSE = Measure("rmse", "RMSE")
 MEASURES = {m.column: m for m in (SPEED, WRONG, T_ERROR, MEMORY, BUILD, SECONDS, FLIP, RMSE)}
 
@@ -59,7 +59,10 @@ class Front:
         })  # fmt: skip
         for side, measure in (("x", self.x), ("y", self.y)):
             axis = measure.axis(self.rows)
-            found[f"{side}_value"], found[f"{side}_lo"], found[f"{side}_hi"] = axis.value, axis.lo, axis.hi
+            found[f"{side}_value"] = axis.value
+            for end in ("lo", "hi"):
+                ends = getattr(axis, end)
+                found[f"{side}_{end}"] = np.where(np.isfinite(ends), ends, np.nan)
         return found.assign(place=self.rows["place"].to_numpy(), dominated_by=self.rows["dominated_by"].to_numpy())
 
 
@@ -76,10 +79,12 @@ def fronts(rows):
 
 def _of_rays(scene, here, ray_set):
     found = []
-    scored = here[here["knob"].isin(ARITHMETIC)]
     if ray_set in ("aimed", "random"):
+        scored, tests = here[here["knob"] == "numerics"], here[here["knob"] == "tests"]
         found.append(_front("wrong", "Wrong answers against speed", scene, ray_set, WRONG, SPEED, scored))
         found.append(_front("t_error", "Error of t against speed", scene, ray_set, T_ERROR, SPEED, scored))
+        title = "Published tests, each called triangle by triangle: wrong answers against speed"
+        found.append(_front("tests", title, scene, ray_set, WRONG, SPEED, tests))
     if ray_set != "aimed":
         precision = here[here["knob"] == "precision"]
         found.append(_front("precision", "Memory against speed", scene, ray_set, MEMORY, SPEED, precision))
@@ -87,10 +92,14 @@ def _of_rays(scene, here, ray_set):
         own = here[here["knob"] == knob]
         if own["must_be_exact"].all():
             if ray_set != "aimed":
-                found.append(_front(f"{knob}:memory", f"{knob}: memory against speed", scene, ray_set, MEMORY, SPEED, own))
+                found.append(
+                    _front(f"{knob}:memory", f"{knob}: memory against speed", scene, ray_set, MEMORY, SPEED, own)
+                )
                 found.append(_front(f"{knob}:build", f"{knob}: build against speed", scene, ray_set, BUILD, SPEED, own))
         else:
-            found.append(_front(f"{knob}:wrong", f"{knob}: wrong answers against speed", scene, ray_set, WRONG, SPEED, own))
+            found.append(
+                _front(f"{knob}:wrong", f"{knob}: wrong answers against speed", scene, ray_set, WRONG, SPEED, own)
+            )
     return found
 
 
@@ -108,7 +117,7 @@ def _of_pictures(scene, here):
 
 def _front(name, title, scene, ray_set, x, y, rows):
     rows = rows[rows[x.column].notna() & rows[y.column].notna()].reset_index(drop=True)
-    rows = rows.drop_duplicates(["point"]).reset_index(drop=True)
+    rows = rows.drop_duplicates(["spec" if ray_set else "point"]).reset_index(drop=True)  # knobs may share a point
     if len(rows):
         place, by = places(x.axis(rows), y.axis(rows))
         rows = rows.assign(place=place, dominated_by=[rows["point"][k] if k >= 0 else "" for k in by])
@@ -128,7 +137,7 @@ def sentences(found, scenes=1):
     """What dominates what: a few plain sentences."""
     said = []
     for front in found:
-        if front.name == "wrong":
+        if front.name in ("wrong", "tests") or front.name.endswith(":wrong"):
             said.append(_of_arithmetic(front))
         elif front.name == "precision" and front.ray_set == "random":
             said.append(_of_memory(front))
@@ -142,7 +151,10 @@ def sentences(found, scenes=1):
 def _of_arithmetic(front):
     rows = front.rows
     fastest = rows.loc[rows["speed"].idxmax()]
-    text = f"On {front.ray_set} rays `{fastest['point']}` is the fastest: {fastest['speed']:.3g} million rays/s, "
+    among = {"wrong": "", "tests": ", of the published tests,"}.get(front.name, f", of `{rows['knob'].iloc[0]}`,")
+    text = (
+        f"On {front.ray_set} rays{among} `{fastest['point']}` is the fastest: {fastest['speed']:.3g} million rays/s, "
+    )
     text += f"{share(fastest['error_rate'])} of the answers wrong." if fastest["error_rate"] else "no answer wrong."
     right = rows[rows["error_rate"] == 0]
     if fastest["error_rate"] and len(right):
@@ -184,7 +196,9 @@ NOT_SEEN = {"flip_mean": 0.01, "rmse": 0.004}  # errors that hardly anybody sees
 def _of_picture(front):
     rows, column = front.rows, front.x.column
     best = rows.loc[rows[column].idxmin()]
-    name = {"recursion": "depth and cut-off", "samples": "samples", "filter": "filters", "lod": "levels of detail"}[front.name]
+    name = {"recursion": "depth and cut-off", "samples": "samples", "filter": "filters", "lod": "levels of detail"}[
+        front.name
+    ]
     text = f"Of {name}, `{best['point']}` is nearest to the reference ({front.x.title} {best[column]:.2g}) in {best['seconds']:.3g} s."
     good = rows[rows[column] <= NOT_SEEN[column]]
     if len(good):
@@ -208,7 +222,7 @@ def _dominated(front):
     else:
         by = [f"`{name}` dominates {count}" for name, count in beaten.head(2).items()]
         text = f" {' and '.join(by)} of the {len(front.rows) - 1} others"
-    return text + (f"; {open_} are undecided." if open_ else ".")
+    return text + (f"; {open_} undecided." if open_ else ".")
 
 
 def share(value):
@@ -219,6 +233,8 @@ def share(value):
 def lines(front):
     """The front as a table for the terminal, the best on y first."""
     rows = front.rows.sort_values(front.y.column, ascending=front.y.better == "low")
+    beaten = rows.index[rows["place"] == DOMINATED]
+    rows, hidden = rows.drop(beaten[SHOWN:]), beaten[SHOWN:]
     mark = {FRONT: "front", UNDECIDED: "?", DOMINATED: "-"}
     table = [["", "point", front.y.title, "interval", front.x.title, "interval", "dominated by"]]
     for at, r in rows.iterrows():
@@ -227,7 +243,8 @@ def lines(front):
             cells += [_figure(measure, r[measure.column]), _interval(measure, r)]
         table.append([*cells, r["dominated_by"]])
     widths = [max(len(row[i]) for row in table) for i in range(len(table[0]))]
-    return ["  " + "  ".join(cell.ljust(w) for cell, w in zip(row, widths)).rstrip() for row in table]
+    text = ["  " + "  ".join(cell.ljust(w) for cell, w in zip(row, widths)).rstrip() for row in table]
+    return [*text, f"  and {len(hidden)} more that are dominated: fronts.csv"] if len(hidden) else text
 
 
 def _figure(measure, value):

@@ -30,7 +30,7 @@ PICTURES = {  # knob → (what it turns, values, quick ones)
 PATTERNS = ("uniform", "jittered", "low-discrepancy")
 STRUCTURES = {
     "numerics": "arithmetic of bvh_sah, bvh_wide and kdtree_sah; Embree fast, robust, compact",
-    "tests": "ray-triangle test x ray-box test x FMA in bvh_sah, where this raybench has them",
+    "tests": "published ray-triangle and ray-box tests in bvh_sah, where this raybench has them; named alone, also with FMA",
     "precision": "bvh_wide: full, 16-bit and 8-bit boxes x width; must be exact",
     "parameters": "sizes of leaves, bins, depth, density, splits; must be exact",
 }
@@ -145,15 +145,17 @@ def _add_structures(chosen, knob, structures, quick, by_name):
 
 
 def _add_tests(chosen, structures, quick, by_name):
-    """Every ray-triangle test, with FMA too where there is a choice; every ray-box test under the first exact one."""
+    """Every ray-triangle test, with FMA too where the knob was named; every ray-box test under woop_double."""
     own = structures.parameters("bvh_sah") if "bvh_sah" in structures.names else {}
     if "triangle" not in own:
         if by_name:
             chosen.left_out.append("tests: left out: bvh_sah of this raybench has no parameter `triangle`")
         return
-    fma = ("",) if quick or "fma" not in own else ("", ",fma=true")
+    fma = ("", ",fma=true") if by_name and not quick and "fma" in own else ("",)
     for test in own["triangle"]["choices"]:
-        for more in fma if test not in ("as_numerics", "exact") else ("",):
+        if test == "as_numerics":  # not called triangle by triangle, as these are
+            continue
+        for more in fma if test != "exact" else ("",):
             spec = f"bvh_sah(triangle={test}{more})"
             chosen.points.append(Point("tests", spec, spec=spec))
     for slab in own["slab"]["choices"] if "slab" in own else ():
@@ -210,7 +212,9 @@ def _checked(knob, texts):
         except ValueError:
             value = -1
         if not lo <= value <= hi:
-            raise RunError(f"--knobs {knob}={text}: allowed: {'whole ' if kind is int else ''}numbers from {lo} to {hi}")
+            raise RunError(
+                f"--knobs {knob}={text}: allowed: {'whole ' if kind is int else ''}numbers from {lo} to {hi}"
+            )
         found.append(value)
     if not found:
         raise RunError(f"--knobs {knob}=: no value given")
@@ -305,7 +309,9 @@ def text_of_all():
     """For --list."""
     rows = [("tracer", ", ".join(GROUPS["tracer"])), *STRUCTURES.items()]
     rows += [(name, f"{what}: {', '.join(map(str, values))}") for name, (what, values, _) in PICTURES.items()]
-    rows.append(("STRUCTURE.PARAMETER[=V|W|...]", "any parameter: scored where it may change answers, else it must be exact"))
+    rows.append(
+        ("STRUCTURE.PARAMETER[=V|W|...]", "any parameter: scored where it may change answers, else it must be exact")
+    )
     width = max(len(name) for name, _ in rows)
     lines = [f"{name.ljust(width)}  {what}" for name, what in rows]
     return "\n".join([*lines, f"Default: {','.join(DEFAULT)} (tests where there are some)"]) + "\n"

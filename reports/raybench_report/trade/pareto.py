@@ -10,8 +10,9 @@ FRONT, UNDECIDED, DOMINATED = "front", "undecided", "dominated"
 
 @dataclass
 class Axis:
-    """Values of all points with their intervals; `lo` and `hi` are the value itself where there is none.
+    """Values of all points with their intervals.
 
+    lo, hi  the value itself where it has no error; infinite where too little was measured for an interval
     better  "low" or "high"
     """
 
@@ -22,8 +23,12 @@ class Axis:
 
     @staticmethod
     def of(value, lo=None, hi=None, better="low"):
+        """Without `lo` and `hi` values have no error; NaN among these: not known."""
         value = np.asarray(value, dtype=float)
-        ends = [value if end is None else np.where(np.isnan(e := np.asarray(end, dtype=float)), value, e) for end in (lo, hi)]
+        ends = [
+            value if end is None else np.where(np.isnan(e := np.asarray(end, dtype=float)), unknown, e)
+            for end, unknown in ((lo, -np.inf), (hi, np.inf))
+        ]
         return Axis(value, *ends, better)
 
     def _signed(self):
@@ -34,10 +39,6 @@ class Axis:
         value, _, _ = self._signed()
         return value[:, None] <= value[None, :]
 
-    def better_by_value(self):
-        value, _, _ = self._signed()
-        return value[:, None] < value[None, :]
-
     def surely_better(self):
         """[i, j]: i is better, and the intervals are apart."""
         _, lo, hi = self._signed()
@@ -47,12 +48,13 @@ class Axis:
 def places(x, y):
     """([place], [index of the point that dominates it, or -1]) of each point.
 
-    i dominates j where it is as good on both axes by its values and better on one; surely, where on that one the intervals
-    are apart. What is dominated, but not surely, is undecided. Of those that dominate, the best one on y is named.
+    i dominates j where it is as good on both axes by its values, and better on one; surely, where on each axis the values
+    are equal or the intervals apart. What is dominated, but not surely, is undecided. Of those that dominate, the best one
+    on y is named.
     """
-    as_good = x.no_worse() & y.no_worse()
-    dominates = as_good & (x.better_by_value() | y.better_by_value())
-    surely = as_good & (x.surely_better() | y.surely_better())
+    equal_x, equal_y = (axis.value[:, None] == axis.value[None, :] for axis in (x, y))
+    dominates = x.no_worse() & y.no_worse() & ~(equal_x & equal_y)
+    surely = (x.surely_better() | equal_x) & (y.surely_better() | equal_y) & ~(equal_x & equal_y)
     order = np.argsort(y.value if y.better == "low" else -y.value, kind="stable")
     found, by = [], []
     for j in range(len(x.value)):
@@ -84,7 +86,9 @@ def median_interval(values, level=0.95):
     n = len(values)
     if not n:
         return np.nan, np.nan, np.nan
-    k = int(stats.binom.ppf((1 - level) / 2, n, 0.5))  # P(fewer than k values below the median) is at most half the rest
+    k = int(
+        stats.binom.ppf((1 - level) / 2, n, 0.5)
+    )  # P(fewer than k values below the median) is at most half the rest
     if stats.binom.cdf(k - 1, n, 0.5) > (1 - level) / 2:
         k -= 1
     median = float(np.median(values))

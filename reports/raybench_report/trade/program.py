@@ -53,7 +53,9 @@ class Program:
                 reader.join()
                 child.stderr.close()
             if code not in allowed:
-                raise RunError((said or [f"exit code {code} of `{self.shown(*words[1:])}`"])[-1].removeprefix("raybench: "))
+                raise RunError(
+                    (said or [f"exit code {code} of `{self.shown(*words[1:])}`"])[-1].removeprefix("raybench: ")
+                )
             out.seek(0)
             return out.read()
 

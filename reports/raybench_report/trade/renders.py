@@ -43,7 +43,16 @@ class Studio:
         """The words of a render command without its --out."""
         width, height = size or self.size
         own = () if "--structure" in options else ("--structure", self.settings.structure)
-        return ("render", scene or self.scene, *own, "--size", f"{width}x{height}", "--seed", self.settings.seed, *options)
+        return (
+            "render",
+            scene or self.scene,
+            *own,
+            "--size",
+            f"{width}x{height}",
+            "--seed",
+            self.settings.seed,
+            *options,
+        )
 
     def render(self, words, name, seconds=None, phase="", threads=None):
         """Renders once: (facts, file). Throws RunError, TooSlow."""
@@ -62,7 +71,9 @@ class Studio:
         for depth in (8, 16, 32, DEEPEST):
             words, begin = self.words(("--depth", depth)), time.monotonic()
             try:
-                _, path = self.render(words, f"reference_depth_{depth}", left if best else None, f"reference, depth {depth}")
+                _, path = self.render(
+                    words, f"reference_depth_{depth}", left if best else None, f"reference, depth {depth}"
+                )
             except TooSlow:
                 self.notes.append(
                     f"depth: the reference is depth {best[1]}, not {DEEPEST}: depth {depth} took longer than the "
@@ -213,7 +224,11 @@ def _time(studio, jobs, seconds):
             )
             break
         for at, job in enumerate(rng.sample(jobs, len(jobs))):
-            to_do = f"about {each * (rounds - done - at / len(jobs)):.0f} s left" if done else "time left known after a round"
+            to_do = (
+                f"about {each * (rounds - done - at / len(jobs)):.0f} s left"
+                if done
+                else "time left known after a round"
+            )
             studio.say(f"pictures: round {done + 1} of {rounds}, {at + 1} of {len(jobs)} - {to_do}")
             facts, path = studio.render(job["words"], "sample", threads=1)
             path.unlink()
