@@ -87,10 +87,10 @@ class VulkanRt {
         ChoiceParam(
             "path",
             "query: ray queries in a compute shader; pipeline: five kinds of shaders and a binding table",
-            offsetof(Config, path), kPaths, 0),
+            offsetof(Config, path), kPaths, 0, RB_PARAM_SPEED_ONLY),
         ChoiceParam("build", "what the driver shall prefer", offsetof(Config, build), kBuilds, 0),
         BoolParam("compaction", "copy what was built into as little memory as it needs",
-                  offsetof(Config, compaction), false),
+                  offsetof(Config, compaction), false, RB_PARAM_SPEED_ONLY),
         BoolParam(
             "opaque",
             "the driver alone decides about triangles; false: a shader looks at every hit, and of those "

@@ -86,6 +86,7 @@ using Names = std::map<std::string, std::vector<std::string>>;
 Names AllNames(const Registry& registry) {
   Names names;
   for (const rb_structure* s : registry.structures()) names["structures"].push_back(s->name);
+  for (const std::string& name : registry.OnRequest()) names["structures"].push_back(name);
   for (const Generator* g : Generators()) names["generators"].push_back(g->name);
   for (const Modifier* m : Modifiers()) names["generators"].push_back(m->name);
   for (const ManifestEntry& entry : Manifest()) names["models"].push_back(entry.name);

@@ -169,6 +169,7 @@ int ListStructures(const Registry& registry, const ListOptions& options) {
     for (const std::string& name : registry.OnRequest()) {
       const std::string why = WhyNotHere(registry, name);
       all.push_back(why.empty() ? Describe(registry, registry.Find(name)) : Json{{"name", name}});
+      all.back()["on_request"] = true;
       all.back()["unavailable"] = why.empty() ? Json() : Json(why);
     }
     return PrintJson(all);

@@ -89,7 +89,7 @@ std::vector<Entrant*> AnchorsFirst(std::vector<Entrant>& entrants) {
   for (Entrant& entrant : entrants) order.push_back(&entrant);
   const auto place = [](const Entrant* e) {
     if (e->Spec() == "embree") return 0;
-    return e->Is("null") ? 3 : e->Can(RB_LINEAR) ? 2 : 1;
+    return e->Is("null") ? 3 : e->Can(RB_LINEAR) || e->Can(RB_DEVICE) ? 2 : 1;
   };
   std::stable_sort(order.begin(), order.end(),
                    [&](const Entrant* a, const Entrant* b) { return place(a) < place(b); });

@@ -58,8 +58,8 @@ struct Entrant {
   void Close(const ResultFolder& results, const std::string& status, const std::string& note);
 };
 
-/// What can be an anchor first: embree, then what does not look at every primitive, then what answers some
-/// sets at least.
+/// What can be an anchor first: embree, then what works on the processor and does not look at every primitive, then
+/// what answers some sets at least.
 std::vector<Entrant*> AnchorsFirst(std::vector<Entrant>& entrants);
 
 }  // namespace raybench

@@ -135,7 +135,9 @@ TEST_F(HarnessShell, ListsHaveALineEachAndJsonHasAll) {
   for (const rb_structure* s : registry.structures())
     EXPECT_THAT(list.out, HasSubstr(fmt::format("\n{} ", s->name)));
   EXPECT_THAT(list.out, ::testing::Not(HasSubstr("correctly rounded")));
-  const auto all = nlohmann::json::parse(Call({"list", "structures", "--json"}).out);
+  auto all = nlohmann::json::parse(Call({"list", "structures", "--json"}).out);
+  for (size_t i = all.size(); i-- > 0;)
+    if (all[i].contains("on_request")) all.erase(i);
   ASSERT_EQ(all.size(), registry.structures().size());
   for (const auto& s : all)
     for (const char* key : {"family", "build", "trace"})
