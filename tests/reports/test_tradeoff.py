@@ -214,6 +214,16 @@ def test_cut_primitives_may_have_other_bits_and_inexact_trees_have_promised_noth
     assert rows[1]["status"] == "disagrees"
 
 
+def test_a_claim_that_many_rays_break_costs_the_speed_that_few_gave():
+    rows = [exact_row("liar", "1") | {"speed": 99.0}, exact_row("honest", "1") | {"speed": 1.0}]
+    verdicts = pd.DataFrame(
+        {"spec": ["liar", "liar", "honest"], "ray_set": ["random", "aimed_edge", "random"], "held": [1, 0, 1]}
+    )
+    structures._refuse(rows, verdicts)
+    assert [r["status"] for r in rows] == ["refused", "measured"] and np.isnan(rows[0]["speed"])
+    assert rows[0]["note"] == "claims watertight, broken on the rays aimed_edge"
+
+
 # ---- the page ----
 
 
@@ -341,7 +351,9 @@ def test_a_real_sweep_measures_all_it_was_asked(real):
     assert (
         precision.groupby("ray_set")["hits_digest"].nunique().eq(1).all() and precision["memory_bytes"].nunique() == 3
     )
-    assert pictures["samples"].between(3, 6).all() and (pictures["seconds_lo"].notna() == (pictures["samples"] == 6)).all()
+    assert (
+        pictures["samples"].between(3, 6).all() and (pictures["seconds_lo"].notna() == (pictures["samples"] == 6)).all()
+    )
     deepest = pictures[pictures["point"] == "depth 64"].iloc[0]
     assert deepest["rmse"] == 0 and pictures.loc[pictures["point"] == "depth 0", "rmse"].gt(0.01).all()
     assert (out / deepest["picture"]).is_file() and (out / "report.html").stat().st_size > 1e5

@@ -39,14 +39,10 @@ def _chart(name, fronts, at, folder):
     y_axis = vega.number("y", f"{y.title} (log scale, {better})")
     seen = [s for s in SEEN if s in set(rows["seen"])]
     colour = {"field": "place", "type": "nominal", "title": "place", "sort": PLACES, "scale": {"domain": PLACES}}
-    shape = {
-        "field": "seen",
-        "type": "nominal",
-        "title": "error",
-        "sort": seen,
+    shape = {  # explained by the notes
+        "field": "seen", "type": "nominal", "legend": None,
         "scale": {"domain": seen, "range": [SHAPES[SEEN.index(s)] for s in seen]},
-    }
-    shape = {"shape": shape} if len(seen) > 1 else {}
+    }  # fmt: skip
     tooltip = vega.tooltip(
         ("point", "point"), ("panel", "where"), ("place", "place"), ("dominated_by", "dominated by"),
         ("x_true", x.title, ".3~g"), ("y", y.title, ".4~g"), ("y_lo", "from", ".4~g"), ("y_hi", "to", ".4~g"), ("command", "again by"),
@@ -59,7 +55,7 @@ def _chart(name, fronts, at, folder):
         },
         {"mark": {"type": "rule", "opacity": 0.45}, "encoding": {"x": x_axis, "y": y_axis | {"field": "y_lo"}, "y2": {"field": "y_hi"}, "color": colour}},
         {"mark": {"type": "rule", "opacity": 0.45}, "encoding": {"y": y_axis, "x": x_axis | {"field": "x_lo"}, "x2": {"field": "x_hi"}, "color": colour}},
-        {"mark": {"type": "point"}, "encoding": {"x": x_axis, "y": y_axis, "color": colour} | shape | tooltip},
+        {"mark": {"type": "point"}, "encoding": {"x": x_axis, "y": y_axis, "color": colour, "shape": shape} | tooltip},
         *(
             {
                 "transform": [{"filter": f"datum.named == '{side} {place}'"}],
@@ -118,7 +114,7 @@ def _rows(front, label):
         found.loc[zero, "seen"] = EXACT
     found["x_lo"] = found["x_lo"].where(found["x_lo"] > 0, found["x"])
     return found.assign(
-        named=_named(found, log=front.x.column != "t_error_p99" and bool((found["x"] > 0).all())),
+        named=_named(found, front.x.column != "t_error_p99" and bool((found["x"] > 0).all()), front.y.better == "high"),
         name=found["point"].map(short),
     )
 
@@ -134,10 +130,10 @@ def short(point):
     return " ".join([name, *words])
 
 
-def _named(rows, log):
-    """Where the name of a point of the front stands beside its dot: inside the panel, above and below by turns."""
-    lo, hi = rows["x"].min(), rows["x"].max()
-    middle = np.sqrt(lo * hi) if log else hi / 2
-    side = np.where(rows["x"] > middle, "left", "right")
-    turn = rows[rows["place"] == FRONT]["x"].rank(method="first").reindex(rows.index)
-    return pd.Series([f"{s} {'above' if t % 2 else 'below'}" if t == t else "" for s, t in zip(side, turn)], rows.index)
+def _named(rows, log, high):
+    """Where the name of a point of the front stands beside its dot: on the side where nothing can be, left and above where
+    up is better (`high`), else left and below; of dots at the left edge on the other side."""
+    x = np.log(rows["x"]) if log else rows["x"]
+    edge = x.min() + 0.25 * (x.max() - x.min()) if log else 0.25 * x.max()
+    free, other = ("left above", "right below") if high else ("left below", "right above")
+    return pd.Series(np.where(x <= edge, other, free), rows.index).where(rows["place"] == FRONT, "")
