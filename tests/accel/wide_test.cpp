@@ -252,42 +252,60 @@ TEST(BvhWide, AnyHitAgreesWithBruteAtTheEndsOfTheInterval) {
 struct Asked {
   std::vector<rb_ray> rays;
   std::vector<uint32_t> skip, after;
+
+  void Add(const rb_ray& ray, uint32_t skipped = RAYBENCH_NONE, uint32_t behind = RAYBENCH_NONE) {
+    rays.push_back(ray), skip.push_back(skipped), after.push_back(behind);
+  }
 };
 
-/// Beside nasty ones: such as end or resume at a hit, skip one, start far off, are nearly parallel to an axis or invalid.
+/// The ray changed, or with what comes with it: such as ends or resumes at a hit, skips one, starts far off, is nearly
+/// parallel to an axis or invalid.
+void AddVariant(Asked& all, rb_ray ray, const rb_hit& hit, Random& random) {
+  const size_t axis = random.Below(3);
+  switch (random.Below(6)) {
+    case 0:
+      ray.tfar = hit.t;
+      return all.Add(ray);
+    case 1:
+      ray.tnear = std::isfinite(hit.t) ? hit.t : 0.5f;
+      return all.Add(ray, RAYBENCH_NONE, hit.prim);
+    case 2:
+      return all.Add(ray, hit.prim);
+    case 3:
+      ray.dir[axis] *= 0x1p-80f;  // does not fit MovedSlab
+      return all.Add(ray);
+    case 4:
+      ray.dir[axis] = NAN;
+      return all.Add(ray);
+    default:
+      ray.org[axis] += 1e6f;
+      return all.Add(ray);
+  }
+}
+
+/// Nasty rays, each with a variant; then neighbours as of a picture, one in eight of them a variant.
 Asked Everything(const Mesh& mesh, const Tree& tree) {
   Asked all;
   Random random(12);
   for (const rb_ray& ray : NastyRays(mesh, int(Effort(100)), 9)) {
-    const rb_hit hit = Closest(tree, {ray})[0];
-    const auto add = [&](rb_ray r, uint32_t skip, uint32_t after) {
-      all.rays.push_back(r), all.skip.push_back(skip), all.after.push_back(after);
-    };
-    add(ray, RAYBENCH_NONE, RAYBENCH_NONE);
-    rb_ray other = ray;
-    switch (random.Below(6)) {
-      case 0:
-        other.tfar = hit.t;
-        add(other, RAYBENCH_NONE, RAYBENCH_NONE);
-        break;
-      case 1:
-        other.tnear = std::isfinite(hit.t) ? hit.t : 0.5f;
-        add(other, RAYBENCH_NONE, hit.prim);
-        break;
-      case 2:
-        add(ray, hit.prim, RAYBENCH_NONE);
-        break;
-      case 3:  // does not fit MovedSlab
-        other.dir[random.Below(3)] *= 0x1p-80f;
-        add(other, RAYBENCH_NONE, RAYBENCH_NONE);
-        break;
-      case 4:
-        other.dir[random.Below(3)] = NAN;
-        add(other, RAYBENCH_NONE, RAYBENCH_NONE);
-        break;
-      default:
-        other.org[random.Below(3)] += 1e6f;
-        add(other, RAYBENCH_NONE, RAYBENCH_NONE);
+    all.Add(ray);
+    AddVariant(all, ray, Closest(tree, {ray})[0], random);
+  }
+  Bounds3 box = BoundsOf(mesh);
+  if (box.Empty()) box = {{-1, -1, -1}, {1, 1, 1}};
+  const Vec3f size = box.Extent();
+  for (int y = 0; y < 24; ++y) {
+    for (int x = 0; x < 24; ++x) {
+      // The eye stands off a corner, and moves a little.
+      const Vec3f eye = box.hi + size * (0.7f + 0.001f * random.NextFloat()),
+                  to = {box.lo.x + size.x * float(x) / 24, box.lo.y + size.y * float(y) / 24, box.lo.z},
+                  d = to - eye;
+      const rb_ray ray{{eye.x, eye.y, eye.z}, 0, {d.x, d.y, d.z}, INFINITY};
+      if (random.Below(8) == 0) {
+        AddVariant(all, ray, Closest(tree, {ray})[0], random);
+      } else {
+        all.Add(ray);
+      }
     }
   }
   return all;
@@ -326,11 +344,11 @@ Said Ask(const Tree& tree, const Asked& asked, size_t batch, bool extras, bool c
   return said;
 }
 
-TEST(BvhWide, RaysInFlightAreAnsweredAsSingleOnes) {
+TEST(BvhWide, BatchesAreAnsweredAsSingleRays) {
   const char* const kForms[] = {"width=16",
                                 "width=8,nodes=quantized8,builder=spatial",
                                 "width=4,nodes=quantized16",
-                                "width=16,nodes=quantized8",
+                                "width=16,nodes=quantized8,builder=spatial",
                                 "width=8",
                                 "width=4,numerics=fast",
                                 "width=16,nodes=quantized16,numerics=exact"};
@@ -349,20 +367,22 @@ TEST(BvhWide, RaysInFlightAreAnsweredAsSingleOnes) {
       for (const bool has_balls : {false, true}) {
         if (has_balls && mesh.name != "ball") continue;
         const rb_geometry geometry = has_balls ? balls.Geometry(mesh) : mesh.Geometry();
-        const Tree single = Build("bvh_wide(" + form + ")", geometry),
-                   several = Build("bvh_wide(batch=interleaved," + form + ")", geometry);
+        const Tree single = Build("bvh_wide(" + form + ")", geometry);
         const Asked asked = Everything(mesh, single);
         const size_t n = asked.rays.size();
-        for (const bool extras : {false, true}) {
-          const Said expected = Ask(single, asked, n, extras, false);
-          for (const size_t batch : {size_t{1}, size_t{7}, size_t{17}, n})
-            ASSERT_TRUE(Ask(several, asked, batch, extras, false) == expected)
-                << form << ' ' << mesh.name << ' ' << batch << ' ' << extras;
-          for (const rb_hit& hit : expected.hits) hits += hit.prim != RAYBENCH_NONE;
-          asked_for += n;
+        for (const std::string batch : {"interleaved", "packet"}) {
+          const Tree several = Build("bvh_wide(batch=" + batch + "," + form + ")", geometry);
+          for (const bool extras : {false, true}) {
+            const Said expected = Ask(single, asked, n, extras, false);
+            for (const size_t size : {size_t{1}, size_t{7}, size_t{17}, n})
+              ASSERT_TRUE(Ask(several, asked, size, extras, false) == expected)
+                  << batch << ' ' << form << ' ' << mesh.name << ' ' << size << ' ' << extras;
+            for (const rb_hit& hit : expected.hits) hits += hit.prim != RAYBENCH_NONE;
+            asked_for += n;
+          }
+          ASSERT_TRUE(Ask(several, asked, 7, true, true) == Ask(single, asked, n, true, true))
+              << batch << ' ' << form << ' ' << mesh.name;
         }
-        ASSERT_TRUE(Ask(several, asked, 7, true, true) == Ask(single, asked, n, true, true))
-            << form << mesh.name;
       }
     }
   }

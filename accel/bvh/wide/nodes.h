@@ -38,6 +38,7 @@ struct FullNode {
     }
   }
   [[gnu::always_inline]] F Row(unsigned row) const { return Load<F>(planes[row]); }
+  float Plane(unsigned row, unsigned i) const { return planes[row][i]; }
 };
 
 template <int kWidth, class Grid>
@@ -65,6 +66,12 @@ struct QuantizedNode {
   [[gnu::always_inline]] F Row(unsigned row) const {
     const unsigned a = row < 3 ? row : row - 3;
     return MultiplyAdd<kWidth>(FloatsOf<kWidth>(q[row]), Splat<F>(Scale(a)), Splat<F>(origin[a]));
+  }
+  /// Row(row)[i].
+  float Plane(unsigned row, unsigned i) const {
+    const unsigned a = row < 3 ? row : row - 3;
+    return MultiplyAdd<4>(Splat<Float4>(float(q[row][i])), Splat<Float4>(Scale(a)),
+                          Splat<Float4>(origin[a]))[0];
   }
 
  private:

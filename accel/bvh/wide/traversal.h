@@ -12,6 +12,7 @@
 #include "accel/bvh/wide/interleaved.h"
 #include "accel/bvh/wide/leaf_test.h"
 #include "accel/bvh/wide/nodes.h"
+#include "accel/bvh/wide/packet.h"
 #include "accel/bvh/wide/ray.h"
 #include "accel/bvh/wide/wide_bvh.h"
 #include "accel/contract/counting.h"
@@ -22,6 +23,8 @@ template <int kWidth, class Node>
 class WideBvhOf final : public WideBvh {
   template <class Tree, bool kAnyHit>
   friend class Interleaved;
+  template <class Tree, bool kAnyHit>
+  friend class Packets;
   static constexpr int kChildren = kWidth, kLanes = int(LeafLanes(kWidth)), kLeafLanes = kLanes;
   using F = FloatN<kWidth>;
   using Block = typename LeafBlocks<kLanes>::Block;
@@ -58,11 +61,9 @@ class WideBvhOf final : public WideBvh {
   }
 
   void Query(uint32_t numerics, const rb_query& query, bool counted) const override {
-    const bool interleaves = batch_ == Batch::kInterleaved && query.n > 1 && !counted && root_ == 0 &&
-                             Numerics(numerics) == Numerics::kWatertight && geometry_.procedural_count == 0;
-    if (interleaves) {
-      query.kind == RB_ANY ? Interleaved<WideBvhOf, true>(*this, query).Run()
-                           : Interleaved<WideBvhOf, false>(*this, query).Run();
+    if (batch_ != Batch::kSingle && !counted && root_ == 0 && query.n > 1 &&
+        Numerics(numerics) == Numerics::kWatertight && geometry_.procedural_count == 0) {
+      query.kind == RB_ANY ? QueryTogether<true>(query) : QueryTogether<false>(query);
       return;
     }
     WithNumerics(numerics, [&]<class Test>() {
@@ -154,6 +155,15 @@ class WideBvhOf final : public WideBvh {
   }
 
   // --- traversal ---
+
+  template <bool kAnyHit>
+  void QueryTogether(const rb_query& query) const {
+    if (batch_ == Batch::kPacket) {
+      Packets<WideBvhOf, kAnyHit>(*this, query).Run();
+    } else {
+      Interleaved<WideBvhOf, kAnyHit>(*this, query).Run();
+    }
+  }
 
   template <class Test, class Counter>
   void QueryWith(const rb_query& query) const {

@@ -22,9 +22,9 @@ namespace raybench {
 enum class NodeFormat : uint32_t { kFull, kQuantized16, kQuantized8 };
 inline constexpr const char* kNodeFormats[] = {"full", "quantized16", "quantized8", nullptr};
 
-/// How many rays of a query a thread traces at a time: one, or several (interleaved.h).
-enum class Batch : uint32_t { kSingle, kInterleaved };
-inline constexpr const char* kBatches[] = {"single", "interleaved", nullptr};
+/// How many rays of a query a thread traces at a time: one, or several (interleaved.h, packet.h).
+enum class Batch : uint32_t { kSingle, kInterleaved, kPacket };
+inline constexpr const char* kBatches[] = {"single", "interleaved", "packet", nullptr};
 
 struct WideOptions {
   uint32_t width;  ///< 4, 8 or 16

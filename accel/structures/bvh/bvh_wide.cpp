@@ -69,8 +69,9 @@ class BvhWide {
         IntParam("reinsertion", "passes that move subtrees to where they cost less",
                  offsetof(Config, reinsertion), 0, 100, 0),
         ChoiceParam("batch",
-                    "rays that a thread traces at a time: single, or interleaved (native batches: up to 16 "
-                    "rays of a call in flight, with numerics=watertight on triangles; others go singly)",
+                    "native batches: rays of a call that a thread traces at a time, with numerics=watertight "
+                    "on triangles (else singly): single, interleaved (16 in flight, which hides memory "
+                    "latency), packet (consecutive ones of like directions together, the others interleaved)",
                     offsetof(Config, batch), kBatches, uint32_t(Batch::kSingle), RB_PARAM_SPEED_ONLY)};
     return params;
   }
