@@ -110,12 +110,12 @@ class Packets {
     return n;
   }
 
-  /// The first n rays.
+  /// The first n rays; the other lanes hold none, but numbers that do not disturb.
   void Trace(size_t n) {
     for (size_t k = n; k < kRays; ++k) {
       for (unsigned a = 0; a < 3; ++a)
         org_[a][k] = org_[a][0], near_[a][k] = near_[a][0], far_[a][k] = far_[a][0];
-      tnear_[k] = tnear_[0], tfar_[k] = tfar_[0];
+      tnear_[k] = tnear_[0], tfar_[k] = 0;
     }
     const unsigned signs = rays_[0].slab.signs;
     F near_org[3], near_lo[3], near_hi[3], far_org[3], far_lo[3], far_hi[3];
