@@ -354,8 +354,12 @@ def test_a_real_sweep_measures_all_it_was_asked(real):
     assert (
         pictures["samples"].between(3, 6).all() and (pictures["seconds_lo"].notna() == (pictures["samples"] == 6)).all()
     )
-    deepest = pictures[pictures["point"] == "depth 64"].iloc[0]
-    assert deepest["rmse"] == 0 and pictures.loc[pictures["point"] == "depth 0", "rmse"].gt(0.01).all()
+    deepest = pictures[pictures["knob"] == "depth"].iloc[0]  # 64, or on a slow machine what it had time for
+    assert (
+        deepest["point"] in ("depth 8", "depth 16", "depth 32", "depth 64")
+        and deepest["rmse"] == 0
+        and pictures.loc[pictures["point"] == "depth 0", "rmse"].gt(0.01).all()
+    )
     assert (out / deepest["picture"]).is_file() and (out / "report.html").stat().st_size > 1e5
     assert "Of samples" in text and "Of stored precision" in text
     assert not list(out.parent.glob(".out*"))

@@ -67,7 +67,7 @@ def _chart(name, fronts, at, folder):
         ),
     ]  # fmt: skip
     notes = [
-        "The dashed line joins the points that nothing dominates; what is `undecided` is dominated by values whose intervals meet."
+        "The dashed line joins the points that nothing dominates; what is undecided is dominated by values whose intervals meet or are not known."
     ]
     if (rows["seen"] == SEEN[1]).any():
         notes.append("Triangles: no wrong answer was seen; the true share lies left of them (95 %).")

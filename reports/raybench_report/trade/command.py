@@ -240,7 +240,7 @@ def _facts(settings, argv, work, notes, says, begin, bad):
     run = next(iter(sorted(work.glob("**/run/run.json"))), None)
     info = json.loads(run.read_text(encoding="utf-8")) if run else {}
     kept = {name: info[name] for name in ("machine", "build", "libraries", "timing", "machine_state") if name in info}
-    words = ["raybench", *(word for word in argv if not word.startswith("--program="))]
+    words = ["raybench", "tradeoff", *(word for word in argv if not word.startswith("--program="))]
     return {
         "format": columns.FORMAT,
         "command_line": words,
