@@ -76,6 +76,20 @@ const Study::Test* Published(TriangleTest test) {
   }
 }
 
+/// The published test whose arithmetic `numerics` is made from; as_numerics where there is none.
+TriangleTest PublishedLike(Numerics numerics) {
+  switch (numerics) {
+    case Numerics::kFast:
+      return TriangleTest::kMollerTrumbore;
+    case Numerics::kWatertight:
+      return TriangleTest::kWoop;
+    case Numerics::kDouble:
+      return TriangleTest::kWoopDouble;
+    default:
+      return TriangleTest::kAsNumerics;
+  }
+}
+
 }  // namespace
 
 Slack SlackOf(uint32_t numerics) {
@@ -85,13 +99,10 @@ Slack SlackOf(uint32_t numerics) {
 Study::Study(uint32_t numerics, uint32_t triangle, bool fma, bool rules, double t_tolerance)
     : numerics_(numerics), reach_(float(1 / (1 + t_tolerance))) {
   rules = rules || t_tolerance > 0;
-  const TriangleTest choice{triangle};
+  TriangleTest choice{triangle};
+  if (fma && choice == TriangleTest::kAsNumerics) choice = PublishedLike(Numerics(numerics));
   test_ = fma ? Published<Fused>(choice) : Published<Rounded>(choice);
-  if (test_ == nullptr && fma)
-    throw std::runtime_error(
-        std::string("fma=true: triangle=") + kTriangleChoices[triangle] +
-        " has no fused form; allowed with it: moeller_trumbore, moeller_trumbore_double, "
-        "baldwin_weber, pluecker, woop, woop_double");
+  if (test_ == nullptr && fma) throw std::runtime_error("fma=true: exact arithmetic has no fused form");
   if (choice == TriangleTest::kExact) test_ = &Calls<ExactTest>::kTest;
   if (choice == TriangleTest::kAsNumerics && rules)
     WithNumerics(numerics, [&]<class T>() { test_ = &Calls<T>::kTest; });

@@ -47,8 +47,10 @@ constexpr rb_param TriangleParam(size_t offset) {
       offset, kTriangleChoices, uint32_t(TriangleTest::kAsNumerics), RB_PARAM_APPROXIMATE);
 }
 constexpr rb_param FmaParam(size_t offset) {
-  return BoolParam("fma", "the published tests with sums of products fused into one rounding", offset, false,
-                   RB_PARAM_APPROXIMATE);
+  return BoolParam("fma",
+                   "the published tests with sums of products fused into one rounding; with "
+                   "triangle=as_numerics that which `numerics` is made from",
+                   offset, false, RB_PARAM_APPROXIMATE);
 }
 
 constexpr rb_param TToleranceParam(size_t offset) {
@@ -109,7 +111,8 @@ class Study {
   /// No study: the structure uses its ordinary way.
   Study() = default;
   /// `rules`: whether the structure departs from `numerics` in another way; then as_numerics is a test like the others, as
-  /// it is where t_tolerance, >= 0, is not 0. Throws std::runtime_error where `fma` is set and there is nothing to fuse.
+  /// it is where t_tolerance, >= 0, is not 0. With `fma` as_numerics is the
+  /// published test that `numerics` is made from. Throws std::runtime_error where there is nothing to fuse.
   Study(uint32_t numerics, uint32_t triangle, bool fma, bool rules, double t_tolerance = 0);
 
   bool on() const { return test_ != nullptr; }

@@ -143,8 +143,8 @@ TEST_F(HarnessResults, StoredCasesComeBackInPlanOrderAndAsCsv) {
   EXPECT_TRUE(csv.starts_with("case_id,scene,scene_hash,primitives,structure,spec,params,ray_set,"));
   EXPECT_NE(
       csv.find(
-          ",build_peak_bytes,cold_ns,samples,timed_rays,median_ns,lo_ns,hi_ns,rate,anchor,anchor_ns,sessions,"
-          "machine\n"),
+          ",build_peak_bytes,cold_ns,samples,timed_rays,median_ns,lo_ns,hi_ns,rate,anchor,anchor_ns,device,"
+          "device_ns,copies_ns,sessions,machine\n"),
       std::string::npos);
   EXPECT_NE(csv.find(",\"claims \"\"exact\"\", but\","), std::string::npos);
   EXPECT_EQ(

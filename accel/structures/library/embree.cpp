@@ -80,7 +80,9 @@ class Embree {
             "and so on) or, with Embree 3 only, in streams of 256 (rtcIntersect1M); ids at ties may differ",
             offsetof(Config, packet), kPackets, 0),
         BoolParam("coherent",
-                  "tell Embree that rays are coherent: only then it traces the rays of a packet on one path",
+                  "tell Embree that the rays of a packet are coherent, where they go the same way: only then "
+                  "it traces "
+                  "them on one path",
                   offsetof(Config, coherent), false)};
     return params;
   }
@@ -273,12 +275,18 @@ class Embree {
     for (size_t first = 0; first < query.n; first += kRays) {
       const rb_ray* const rays = query.rays + first;
       const size_t here = std::min(kRays, query.n - first);
+      SameWay same_way;
       for (size_t k = 0; k < here; ++k) {
         stream[k] = asking.RayHit(rays[k]);
-        if (!IsTogether(rays[k])) stream[k].ray = EmbreeCall::NoRay();
+        if (IsTogether(rays[k])) {
+          same_way.Add(stream[k].ray);
+        } else {
+          stream[k].ray = EmbreeCall::NoRay();
+        }
       }
       const unsigned count = unsigned(here);
-      query.kind == RB_ANY ? asking.call.AnyStream(stream, count) : asking.call.ClosestStream(stream, count);
+      query.kind == RB_ANY ? asking.call.AnyStream(stream, count, same_way)
+                           : asking.call.ClosestStream(stream, count, same_way);
       for (size_t k = 0; k < here; ++k) {
         const bool alone = !IsTogether(rays[k]);
         if (query.kind == RB_ANY) {
