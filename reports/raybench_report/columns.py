@@ -16,6 +16,11 @@ def columns_of(table):
     ]
 
 
+def later(table):
+    """Names of the columns that older folders of the same format lack."""
+    return [name for row in _DATA["tables"][table] if row.get("later") for name in row["columns"]]
+
+
 def markdown(table):
     """The table's columns as reports/README.md shows them."""
     lines = ["| column | type | meaning |", "|---|---|---|"]

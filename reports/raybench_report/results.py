@@ -91,6 +91,9 @@ def read_table(path):
     types = {name: kind for name, kind, *_ in columns.columns_of(path.name)}
     text = [name for name, kind in types.items() if kind == "text"]
     numbers = [name for name in types if name not in text]
+    for column in columns.later(path.name):
+        if column not in table.columns:
+            table[column] = None
     absent = [column for column in types if column not in table.columns]
     if absent:
         raise RunError(f"{path}: missing columns: {', '.join(absent)}")

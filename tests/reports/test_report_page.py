@@ -254,6 +254,15 @@ def spoil_older_format(run):
     return run, rf"run\.json: result format unknown; this raybench reads {columns.FORMAT}: measure again"
 
 
+def test_a_folder_without_columns_that_came_later_is_read(tmp_path):
+    write_run(tmp_path / "run", full_run())
+    cases = tmp_path / "run" / "cases.csv"
+    table = pd.read_csv(cases, dtype=str, keep_default_na=False)
+    table.drop(columns=columns.later("cases.csv")).to_csv(cases, index=False)
+    assert "device_ns" not in cases.read_text()
+    assert read(tmp_path / "run").cases["device_ns"].isna().all()
+
+
 def spoil_missing_samples(run):
     (run / "samples.csv").unlink()
     return run, r"samples\.csv: missing"
