@@ -416,7 +416,7 @@ def test_an_interrupted_sweep_leaves_nothing(tmp_path):
         "--quick", "--knobs=numerics", f"--out={tmp_path / 'out'}", "--", "icosphere(level=4)", start_new_session=True
     )
     until = time.monotonic() + 60
-    while not list(tmp_path.glob(".out*/run")) and time.monotonic() < until:
+    while not list(tmp_path.glob(".out*/out/run")) and time.monotonic() < until:
         time.sleep(0.05)
     os.killpg(child.pid, signal.SIGINT)
     _, err = child.communicate(timeout=60)

@@ -82,7 +82,8 @@ def main(argv):
     out = arguments.out or Path("results") / f"tradeoff-{datetime.datetime.now(datetime.UTC):%Y%m%dT%H%M%SZ}"
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise RunError(f"{out}: exists already; name another folder with --out")
-    work = out.parent / f".{out.name}.{os.getpid()}"  # renamed when all is there
+    holder = out.parent / f".{out.name}.{os.getpid()}"
+    work = holder / out.name  # the page has its name; moved when all is there
     begin = time.monotonic()
     try:
         work.mkdir(parents=True)
@@ -103,7 +104,7 @@ def main(argv):
         return 130
     finally:
         say(None)
-        shutil.rmtree(work, ignore_errors=True)
+        shutil.rmtree(holder, ignore_errors=True)
     print(_text(found, rows, bad, facts, out, arguments.no_report), end="")
     return BROKEN if len(bad) else 0
 
