@@ -112,9 +112,9 @@ class Trial {
     if (tree_.Claims() == RB_CLAIM_NOTHING) {
       for (const rb_hit& hit : hits_) EXPECT_EQ(hit.prim, RAYBENCH_NONE);
     } else {
-      const bool expects_most =
-          (spec_ != "cgal_aabb(kernel=cartesian_float)" && spec_.find("baldwin_weber") == std::string::npos) ||
-          !scene_.scene.name.starts_with("far");
+      const bool expects_most = (spec_ != "cgal_aabb(kernel=cartesian_float)" &&
+                                 spec_.find("baldwin_weber") == std::string::npos) ||
+                                !scene_.scene.name.starts_with("far");
       if (expects_most) {
         EXPECT_LE(closest.leaks() + closest.plain_errors(), rays().size() / 2);
       }
