@@ -1,8 +1,6 @@
 // raybench tradeoff: what does accuracy cost on this scene? The Python part sweeps and draws (reports/TRADEOFF.md).
 #include <fmt/format.h>
 
-#include <filesystem>
-
 #include "harness/cli/commands.h"
 #include "harness/results/python.h"
 
@@ -23,9 +21,10 @@ void AddOptions(CLI::App& command, TradeoffOptions& options) {
       .add_option("scenes", options.scenes, "Files, generators or fetched models (see: raybench list scenes)")
       ->type_name("SCENE");
   command
-      .add_option("--knobs", options.knobs,
-                  "Such as numerics,depth,\"bvh_sah.leaf_size=1|4|16\"; default numerics,precision,tracer. "
-                  "--list shows all")
+      .add_option(
+          "--knobs", options.knobs,
+          "Such as numerics,depth,\"bvh_sah.leaf_size=1|4|16\"; default numerics,tests,precision,tracer. "
+          "--list shows all")
       ->type_name("A,B,...");
   command
       .add_option(
@@ -85,7 +84,7 @@ void AddOptions(CLI::App& command, TradeoffOptions& options) {
       "disagreement; "
       "others are\nscored. A structure whose claim is broken has no time and stands on no front.\n\n"
       "Examples:\n"
-      "  raybench tradeoff armadillo                              numerics, stored precision, tracer\n"
+      "  raybench tradeoff armadillo                              numerics, tests, stored precision, tracer\n"
       "  raybench tradeoff armadillo --knobs numerics             speed against wrong answers\n"
       "  raybench tradeoff sponza --knobs samples,filter --size 256x256\n"
       "  raybench tradeoff bunny --knobs \"bvh_sah.leaf_size=1|2|4|8|16,kdtree_sah.max_depth\"\n"
@@ -105,7 +104,7 @@ int Tradeoff(const TradeoffOptions& options, const std::vector<std::string>& plu
   const auto flag = [&](const char* name, bool set) {
     if (set) words.push_back(name);
   };
-  text("--program", std::filesystem::read_symlink("/proc/self/exe").string());
+  text("--program", ThisProgram());
   for (const std::string& plugin : plugins) text("--plugin", plugin);
   text("--knobs", options.knobs);
   text("--suite", options.suite);
