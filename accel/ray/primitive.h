@@ -11,22 +11,37 @@
 
 #include "accel/contract/structure.h"
 #include "accel/ray/bounds.h"
+#include "accel/ray/fast_lanes.h"
 #include "accel/ray/triangle.h"
 #include "accel/ray/watertight_lanes.h"
 
 namespace raybench {
+
+/// What decides some triangles at once, where a test has that.
+template <class Test>
+struct LanesOfTest {
+  LanesOfTest(const RayQuery&, const SlabRay&, const Test&) {}
+};
+template <>
+struct LanesOfTest<FastTest> : FastLanes {
+  LanesOfTest(const RayQuery&, const SlabRay&, const FastTest& test) : FastLanes(test) {}
+};
+template <>
+struct LanesOfTest<WatertightTest> : WatertightLanes {
+  LanesOfTest(const RayQuery& query, const SlabRay& slab, const WatertightTest& test)
+      : WatertightLanes(query, slab, test.shear()) {}
+};
 
 template <class Test>
 struct RayState {
   RayQuery query;
   SlabRay slab;
   Test test;
-  static constexpr bool kInLanes = std::is_same_v<Test, WatertightTest>;  ///< for many triangles at once, too
-  struct Nothing {};
-  [[no_unique_address]] std::conditional_t<kInLanes, WatertightLanes, Nothing> lanes;
+  static constexpr bool kInLanes = !std::is_empty_v<LanesOfTest<Test>>;
+  [[no_unique_address]] LanesOfTest<Test> lanes;
 
   explicit RayState(const RayQuery& q)
-      : query(q), slab(q.ray, Test::kSlack), test(q.ray), lanes(LanesOfRay()) {}
+      : query(q), slab(q.ray, Test::kSlack), test(q.ray), lanes(query, slab, test) {}
 
   /// What traversal asks where boxes hold parts of primitives (ray/bounds.h).
   SlabRay SlabOfParts() const { return slab.Widened(Test::kSlack); }
@@ -54,13 +69,6 @@ struct RayState {
   }
 
  private:
-  auto LanesOfRay() const {
-    if constexpr (kInLanes) {
-      return WatertightLanes(query, slab, test.shear());
-    } else {
-      return Nothing{};
-    }
-  }
   bool Procedural(const rb_geometry& g, uint32_t prim, const rb_ray& ray, rb_hit& best) const {
     rb_hit found{};
     return g.procedural_intersect(g.procedural_user, prim - g.triangle_count, uint32_t(Test::kNumerics), &ray,

@@ -1,8 +1,8 @@
 // The ray-triangle tests that all structures share, one class each, chosen by the build parameter `numerics`.
 //
-// Each test offers Intersect, which decides, and MayHit, a filter over some triangles at once. MayHit never rejects what
-// Intersect accepts: it computes the same in the same order, or allows for the difference. Watertight has more than a
-// filter: it decides some triangles at once (watertight_lanes.h).
+// Each test offers Intersect, which decides, and double and exact MayHit, a filter over some triangles at once, which
+// never rejects what Intersect accepts. Fast and watertight decide some triangles at once (fast_lanes.h,
+// watertight_lanes.h).
 //
 //   fast        Moeller-Trumbore in float: leaks
 //   watertight  Woop, vertices sheared in float, signs exact given these: no leaks, ids beside edges by rounding
@@ -66,6 +66,7 @@ enum class Slack {
 
 /// Moeller and Trumbore (1997) in float. Fast; leaks at shared edges.
 class FastTest {
+  friend class FastLanes;
   template <class F>
   struct Terms {
     F det, u, v, e2[3], q[3];
@@ -92,21 +93,18 @@ class FastTest {
     dir_ = dir_ * scale_;
   }
 
-  /// Bit i: triangle i may be hit.
-  template <int kWidth>
-  unsigned MayHit(Lanes<kWidth> v) const {
-    return Mask(Inside(Compute<FloatN<kWidth>>(v)));
-  }
-
   bool Intersect(Vec3f p0, Vec3f p1, Vec3f p2, PrimHit& hit) const {
     const Terms<float> k = Compute<float>(Corners{{p0, p1, p2}});
     if (!Inside(k)) return false;
-    hit = {(k.e2[0] * k.q[0] + k.e2[1] * k.q[1] + k.e2[2] * k.q[2]) / k.det * scale_, k.u / k.det,
-           k.v / k.det};
+    hit = {T(k), k.u / k.det, k.v / k.det};
     return true;
   }
 
  private:
+  template <class F>
+  F T(const Terms<F>& k) const {
+    return (k.e2[0] * k.q[0] + k.e2[1] * k.q[1] + k.e2[2] * k.q[2]) / k.det * scale_;
+  }
   template <class F, class Get>
   Terms<F> Compute(Get v) const {
     Terms<F> k;

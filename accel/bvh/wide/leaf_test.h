@@ -38,19 +38,19 @@ class CalledLeafTest {
   Function closest_, any_;
 };
 
-/// WatertightTest, inlined. Made for a ray that has met the first node.
-template <int kLanes>
-class WatertightLeafTest {
+/// A test that decides some triangles at once, inlined. Made for a ray that has met the first node.
+template <int kLanes, class Test>
+class InlinedLeafTest {
  public:
   using Block = typename LeafBlocks<kLanes>::Block;
 
-  [[gnu::always_inline]] WatertightLeafTest(const RayQuery& query, const SlabRay& slab, bool needs_uv)
-      : query_(query), slab_(slab), lanes_(query, slab, RayShear(query.ray)), needs_uv_(needs_uv) {}
+  [[gnu::always_inline]] InlinedLeafTest(const RayQuery& query, const SlabRay& slab, bool needs_uv)
+      : query_(query), slab_(slab), lanes_(query, slab, Test(query.ray)), needs_uv_(needs_uv) {}
 
   template <bool kAnyHit>
   [[gnu::always_inline]] bool Take(const Block& block, rb_hit& best) const {
     // The registers belong to the node test: what is needed here stays in memory.
-    const WatertightLeafTest* self = this;
+    const InlinedLeafTest* self = this;
     asm("" : "+r"(self));
     return self->lanes_.template Take<kAnyHit>(block, kAllLanes<kLanes>, self->query_, self->slab_,
                                                self->needs_uv_, best);
@@ -59,7 +59,7 @@ class WatertightLeafTest {
  private:
   const RayQuery& query_;
   const SlabRay& slab_;
-  WatertightLanes lanes_;
+  LanesOfTest<Test> lanes_;
   bool needs_uv_;
 };
 

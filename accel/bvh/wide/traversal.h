@@ -170,7 +170,7 @@ class WideBvhOf final : public WideBvh {
     // Moved products find more than the shared test does, which the tests of `fast` notice; and counts shall not
     // depend on the machine.
     constexpr bool kMayMove = !Counter::kCounts && Test::kSlack != Slack::kNone;
-    constexpr bool kInline = !Counter::kCounts && std::is_same_v<Test, WatertightTest>;
+    constexpr bool kInline = !Counter::kCounts && RayState<Test>::kInLanes;
     const bool in_lanes = kInline && geometry_.procedural_count == 0;
     ForEachRay<Counter>(query, [&](auto any, const RayQuery& q, rb_hit& best, Counter& counter) {
       const SlabRay slab(q.ray, Test::kSlack);
@@ -187,7 +187,7 @@ class WideBvhOf final : public WideBvh {
       };
       if constexpr (kInline) {
         if (in_lanes) {
-          trace([&]() [[gnu::always_inline]] { return WatertightLeafTest<kLanes>(q, slab, needs_uv_); });
+          trace([&]() [[gnu::always_inline]] { return InlinedLeafTest<kLanes, Test>(q, slab, needs_uv_); });
           return;
         }
       }
