@@ -72,6 +72,18 @@ void Extend(BuildNode& node, const Bounds3& box) {
     node.lo[a] = std::min(node.lo[a], box.lo[a]), node.hi[a] = std::max(node.hi[a], box.hi[a]);
 }
 
+/// Elements 0 and 1 of each four of a, between those of b; then 2 and 3.
+template <int kLanes>
+FloatN<kLanes> Low(FloatN<kLanes> a, FloatN<kLanes> b) {
+  if constexpr (kLanes == 4) return __builtin_shufflevector(a, b, 0, 4, 1, 5);
+  if constexpr (kLanes == 8) return __builtin_shufflevector(a, b, 0, 8, 1, 9, 4, 12, 5, 13);
+}
+template <int kLanes>
+FloatN<kLanes> High(FloatN<kLanes> a, FloatN<kLanes> b) {
+  if constexpr (kLanes == 4) return __builtin_shufflevector(a, b, 2, 6, 3, 7);
+  if constexpr (kLanes == 8) return __builtin_shufflevector(a, b, 2, 10, 3, 11, 6, 14, 7, 15);
+}
+
 template <int kLanes>
 struct IndexedLeaf {
   uint32_t prim[kLanes];
@@ -82,7 +94,30 @@ struct IndexedLeaf {
     for (size_t i = 0; i < kLanes; ++i) out.prim[i] = prims[std::min(i, prims.size() - 1)];
   }
   static void Decode(const rb_geometry& geometry, const void* leaf, typename LeafBlocks<kLanes>::Block& out) {
-    LeafBlocks<kLanes>::FillBlock(geometry, static_cast<const IndexedLeaf*>(leaf)->prim, out);
+    // Rows are written whole: read whole, what was just written in parts waits for the memory.
+    using F = FloatN<kLanes>;
+    const auto& in = *static_cast<const IndexedLeaf*>(leaf);
+    std::memcpy(out.prim, in.prim, sizeof out.prim);
+    const uint32_t* corners[kLanes];
+    static constexpr uint32_t kNoTriangle[3] = {};
+    for (int i = 0; i < kLanes; ++i)
+      corners[i] = in.prim[i] < geometry.triangle_count ? geometry.triangles[in.prim[i]] : kNoTriangle;
+    for (int c = 0; c < 3; ++c) {
+      const auto of = [&](int k) {  // triangle k, and k + 4
+        const Float4 a = Load<Float4>(geometry.positions[corners[k][c]]);
+        if constexpr (kLanes == 4) {
+          return a;
+        } else {
+          const Float4 b = Load<Float4>(geometry.positions[corners[k + 4][c]]);
+          return F(__builtin_shufflevector(a, b, 0, 1, 2, 3, 4, 5, 6, 7));
+        }
+      };
+      const F p0 = of(0), p1 = of(1), p2 = of(2), p3 = of(3);
+      const F xy02 = Low<kLanes>(p0, p2), xy13 = Low<kLanes>(p1, p3), z02 = High<kLanes>(p0, p2),
+              z13 = High<kLanes>(p1, p3);
+      const F rows[3] = {Low<kLanes>(xy02, xy13), High<kLanes>(xy02, xy13), Low<kLanes>(z02, z13)};
+      for (int a = 0; a < 3; ++a) std::memcpy(out.v[c][a], &rows[a], sizeof rows[a]);
+    }
   }
 };
 
