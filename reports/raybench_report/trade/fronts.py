@@ -85,9 +85,13 @@ def _of_rays(scene, here, ray_set):
         found.append(_front("t_error", "Error of t against speed", scene, ray_set, T_ERROR, SPEED, scored))
         title = "Published tests, each called triangle by triangle: wrong answers against speed"
         found.append(_front("tests", title, scene, ray_set, WRONG, SPEED, tests))
+    precision = here[here["knob"] == "precision"]
     if ray_set != "aimed":
-        precision = here[here["knob"] == "precision"]
-        found.append(_front("precision", "Memory against speed", scene, ray_set, MEMORY, SPEED, precision))
+        same = precision[precision["must_be_exact"] == 1]
+        found.append(_front("precision", "Memory against speed", scene, ray_set, MEMORY, SPEED, same))
+    if ray_set in ("aimed", "random"):
+        title = "Stored precision: error of t against memory"
+        found.append(_front("vertices", title, scene, ray_set, T_ERROR, MEMORY, precision))
     for knob in [k for k in here["knob"].unique() if "." in k]:
         own = here[here["knob"] == knob]
         if own["must_be_exact"].all():
