@@ -367,6 +367,9 @@ def test_a_real_sweep_measures_all_it_was_asked(real):
     same, moved = precision[precision["must_be_exact"] == 1], precision[precision["must_be_exact"] == 0]
     assert same.groupby("ray_set")["hits_digest"].nunique().eq(1).all() and same["memory_bytes"].nunique() == 4
     assert moved["spec"].nunique() == 4 and (moved["claim"] == "inexact").all()
+    fronts = results.read_table(out / "fronts.csv").groupby("front")["point"].unique()
+    assert set(fronts["vertices"]) == set(fronts["vertices_leaks"]) == set(moved["point"])
+    assert set(fronts["precision"]) == set(same["point"])
     assert moved.loc[moved["ray_set"] == "aimed", "t_error_p99"].gt(same["t_error_p99"].max()).all()
     assert (
         pictures["samples"].between(3, 6).all() and (pictures["seconds_lo"].notna() == (pictures["samples"] == 6)).all()
