@@ -163,8 +163,9 @@ def test_stored_precision_is_exact_but_for_quantised_vertices_which_are_of_trian
     }
     monkeypatch.setitem(KNOWN, "bvh_wide", own)
     points = chosen("precision", quick=True).points
-    assert [p.spec.removeprefix("bvh_wide(width=16,nodes=") for p in points] == [
-        "full)", "quantized8)", "quantized8,leaves=indexed)", "quantized8,leaves=quantized8)",
+    assert [p.spec for p in points] == [
+        "bvh_wide(width=16,nodes=full)", "bvh_wide(width=16,nodes=quantized8)",
+        "bvh_wide(leaves=indexed,nodes=quantized8,width=16)", "bvh_wide(leaves=quantized8,nodes=quantized8,width=16)",
     ]  # fmt: skip
     assert [p.must_be_exact for p in points] == [True, True, True, False]
     mixed = chosen("precision", facts=FACTS | {"procedural": {"spheres": 3}})

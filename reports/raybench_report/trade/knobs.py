@@ -152,7 +152,7 @@ def _add_precision(chosen, structures, facts, quick):
             spec = f"bvh_wide(width={width},nodes={nodes})"
             chosen.points.append(Point("precision", spec, True, spec))
         for form in leaves:
-            spec = f"bvh_wide(width={width},nodes=quantized8,leaves={form})"
+            spec = f"bvh_wide(leaves={form},nodes=quantized8,width={width})"  # where names are cut, the form is seen
             chosen.points.append(Point("precision", spec, form == "indexed", spec))
 
 
