@@ -36,7 +36,7 @@ GridSteps StepsFor(const Bounds3& vertices, int most, const GridSteps& least) {
     const double finest =
         std::max((double(hi) - lo) / (most + 1), std::max(std::fabs(lo), std::fabs(hi)) * 0x1p-25);
     int e = std::max({std::ilogb(std::max(finest, 0x1p-126)) + 127, int(least.exponent[a]), 1});
-    while (!fits(e)) ++e;
+    while (e < 254 && !fits(e)) ++e;  // the largest one fits all that is finite
     steps.exponent[a] = uint8_t(e);
   }
   return steps;
