@@ -29,7 +29,8 @@ How to read the table: every answer is compared with exact geometry.
   leak        the ray went through a closed surface at an edge or a vertex: always an error
   wrong, false miss, false hit   plain errors; in brackets the marginal ones: at an outline or at an end of the
               interval, where the exact geometry lies within float's error
-  t error     median, 99 % and maximum, in units in the last place of float
+  t error     median, 99 % and maximum, in units in the last place of float, where a right primitive is named, though its
+              t may be wrong, or a neighbour
   uv error    the largest error of u and v on triangles, in units of the bound of a sound float test; in brackets the
               number of answers beyond that bound
   leak rate, plain rate   upper bounds at 95 %: no event among n rays means that the rate is below 3/n

@@ -12,7 +12,7 @@ namespace {
 
 /// All that tells one contestant from another on a scene.
 struct Likeness {
-  std::string tree;
+  std::string tree, bytes;
   std::map<std::string, std::string> answers;  ///< digest by ray set, order and query
   bool has_closest = false;
 
@@ -20,10 +20,10 @@ struct Likeness {
 };
 
 void Add(Likeness& likeness, const Row& row) {
-  if (likeness.tree.empty() && row.Has(column::node_bytes))
-    likeness.tree = row.Has(column::tree_digest)
-                        ? row.Get(column::tree_digest)
-                        : fmt::format("{}+{}", *row.Get(column::node_bytes), *row.Get(column::prim_bytes));
+  if (likeness.tree.empty() && row.Has(column::node_bytes)) {
+    likeness.bytes = fmt::format("{}+{}", *row.Get(column::node_bytes), *row.Get(column::prim_bytes));
+    likeness.tree = row.Has(column::tree_digest) ? row.Get(column::tree_digest) : likeness.bytes;
+  }
   if (!row.Has(column::hits_digest)) return;
   const std::string query = row.Get(column::query);
   likeness.has_closest |= query == "closest";
@@ -64,7 +64,8 @@ std::vector<Twins> FindTwins(std::span<const FinishedCase> cases, std::span<cons
         if (first->structure != second->structure) {
           if (first->structure->visit != nullptr && second->structure->visit != nullptr)
             found.push_back({scene, a->first, b->first, {}});
-        } else if (auto names = Differing(*first, *second); !names.empty()) {
+        } else if (auto names = Differing(*first, *second);
+                   !names.empty() && a->second.bytes == b->second.bytes) {
           found.push_back({scene, a->first, b->first, std::move(names)});
         }
       }

@@ -55,8 +55,9 @@ const char* VerdictName(
 /// All that is said of one answer.
 struct Judged {
   Verdict verdict = Verdict::kExact;
-  bool strict = true;             ///< the answer which `exact` promises: IsStrict(); any hit: the class exact
-  std::optional<double> t_error;  ///< ulp of float; of exact, tie and neighbour hits
+  bool strict = true;  ///< the answer which `exact` promises: IsStrict(); any hit: the class exact
+  /// ulp of float; of exact, tie and neighbour hits, and of wrong ones that name a primitive of the tied set
+  std::optional<double> t_error;
   std::optional<double> uv_error;  ///< in units of its bound, UvTruth::Error(); of hits that are no errors
 
   /// A leak or a plain error: what no sound test answers.
@@ -70,13 +71,13 @@ struct Judged {
   bool Breaks(uint32_t claim) const;
 };
 
-/// How many rays of a set fell into each class, and the errors of t among the right hits.
+/// How many rays of a set fell into each class, and the errors of t.
 struct VerdictCounts {
   uint64_t rays = 0;
   uint64_t by_class[size_t(Verdict::kCount)] = {};
   uint64_t strict = 0;
   double t_error_p50 = 0, t_error_p99 = 0,
-         t_error_max = 0;  ///< ulp of float; over exact, tie and neighbour hits
+         t_error_max = 0;  ///< of Judged::t_error
   uint64_t uv_judged = 0, uv_wrong = 0;
   double uv_error_max = 0;  ///< in units of the bound; finite ones
 

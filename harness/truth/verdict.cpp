@@ -358,9 +358,12 @@ Judged JudgeHit(const Oracle& oracle, const rb_ray& ray, const Truth& truth, con
   Judged judged;
   judged.strict = oracle.IsStrict(ray, truth, answer);
   if (!judged.strict) judged.verdict = oracle.Judge(ray, truth, answer);
+  // A wrong t on the right primitive counts too: were it left out, approximate tests would look better than exact ones.
+  const bool is_right = judged.verdict <= Verdict::kNeighbour ||
+                        (judged.verdict == Verdict::kWrong && std::isfinite(answer.t) &&
+                         std::binary_search(truth.tied.begin(), truth.tied.end(), answer.prim));
   // Where the ray lies in the plane of what it meets, many t are right.
-  if (truth.hit && !truth.coplanar && judged.verdict <= Verdict::kNeighbour)
-    judged.t_error = ErrorInUlp(answer.t, truth.t);
+  if (truth.hit && !truth.coplanar && is_right) judged.t_error = ErrorInUlp(answer.t, truth.t);
   if (!has_uv || answer.prim == RAYBENCH_NONE || judged.IsError()) return judged;
   if (const UvTruth uv = oracle.Uv(ray, answer); uv.known) judged.uv_error = uv.Error(answer);
   return judged;

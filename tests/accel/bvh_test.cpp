@@ -26,8 +26,8 @@ const std::string kBuilders[] = {"bvh_median",
                                  "bvh_wide",
                                  "bvh_wide(width=8,builder=sweep,reinsertion=1)",
                                  "bvh_wide(width=4,builder=spatial)",
-                                 "bvh_wide(width=16,nodes=quantized16,builder=morton)",
-                                 "bvh_wide(width=8,nodes=quantized8,builder=spatial)",
+                                 "bvh_wide(width=16,nodes=quantized16,leaves=indexed,builder=morton)",
+                                 "bvh_wide(width=8,nodes=quantized8,leaves=indexed,builder=spatial)",
                                  "bvh_wide(width=4,nodes=quantized8,leaf_size=2)"};
 
 std::string NameOf(std::string spec) {

@@ -4,10 +4,13 @@
 
 #include <cmath>
 #include <cstring>
+#include <map>
+#include <utility>
 
 #include "accel/base/random.h"
 #include "accel/bvh/binned_sah.h"
 #include "accel/bvh/wide/collapse.h"
+#include "accel/bvh/wide/compact_leaves.h"
 #include "accel/bvh/wide/nodes.h"
 #include "accel/bvh/wide/ray.h"
 #include "accel/ray/bounds.h"
@@ -248,6 +251,170 @@ TEST(BvhWide, AnyHitAgreesWithBruteAtTheEndsOfTheInterval) {
   EXPECT_LT(hits, asked - asked / 10);
 }
 
+/// What leaves of a form hold, three vertices a triangle, as the tree of bvh_wide(width=kWidth) has them.
+template <int kWidth>
+struct Held {
+  static constexpr int kLanes = std::min(kWidth, 8);
+
+  Mesh mesh{"held", {}, {}};
+  std::vector<Bounds3> leaf;  ///< of each triangle, the original vertices of its leaf
+
+  Held(const Mesh& of, Leaves form) {
+    const rb_geometry geometry = of.Geometry();
+    BinaryTree tree = BuildBinnedSah(geometry, {32, {kLanes, kLanes, 1.5f}, true}, nullptr);
+    const WideTopology wide = Collapse(tree, kWidth, {kLanes, kLanes, 1.0f});
+    const GridSteps steps = ChooseGrids(geometry, wide, form, tree);
+    mesh.positions.resize(3 * of.triangles.size()), leaf.resize(of.triangles.size());
+    for (uint32_t t = 0; t < of.triangles.size(); ++t)
+      mesh.triangles.push_back({3 * t, 3 * t + 1, 3 * t + 2});
+    const LeafCodec<kLanes>* codec = LeafCodec<kLanes>::Of(form);
+    for (const WideTopology::Child& child : wide.children) {
+      if (child.count == 0) continue;
+      const std::span prims(&tree.order[child.first], child.count);
+      std::vector<uint32_t> bytes(codec->bytes / 4 + 1);
+      typename LeafBlocks<kLanes>::Block block;
+      codec->encode(geometry, steps, prims, bytes.data());
+      codec->decode(geometry, bytes.data(), block);
+      Bounds3 box;
+      for (const uint32_t prim : prims)
+        for (int c = 0; c < 3; ++c) box.Extend(of.Corner(prim, c));
+      for (uint32_t i = 0; i < uint32_t(kLanes); ++i) {
+        const uint32_t prim = block.prim[i];
+        EXPECT_EQ(prim, prims[std::min<size_t>(i, prims.size() - 1)]);
+        leaf[prim] = box;
+        for (uint32_t c = 0; c < 3; ++c)
+          for (int a = 0; a < 3; ++a) mesh.positions[3 * prim + c][a] = block.v[c][a][i];
+      }
+    }
+  }
+};
+
+/// Primitives that leaves hold whose triangle in `held` sticks out of the leaf's box, or of one around that.
+size_t OutsideOfLeaves(const Tree& tree, const rb_geometry& held) {
+  struct Context {
+    const rb_geometry& held;
+    size_t outside = 0;
+  } context{held};
+  tree.structure().visit(
+      tree.get(),
+      [](void* ctx, const rb_node* node) {
+        const Bounds3 box{LoadVec3(node->bounds), LoadVec3(node->bounds + 3)};
+        auto& [geometry, outside] = *static_cast<Context*>(ctx);
+        for (uint32_t i = 0; i < node->prim_count; ++i)
+          outside += !box.Contains(PaddedPrimBounds(geometry, node->prims[i]));
+        return 0;
+      },
+      &context);
+  return context.outside;
+}
+
+/// No lost hit, no other tie: traversal and boxes are right for the triangles that there are.
+template <int kWidth>
+void ExpectAnswersOfHeldTriangles(Leaves form, const std::string& nodes) {
+  const Mesh meshes[] = {Mesh{"one", {{0, 0, 0}, {1, 0, 0}, {0, 1, 0.5f}}, {{0, 1, 2}}},
+                         Ball(4),
+                         Lattice(10),
+                         Coincident(100),
+                         Needles(500),
+                         Moved(Ball(3), 1, {1e6f, 1e6f, -1e6f}, "far"),
+                         Moved(Ball(3), 0x1p-120f, {0, 0, 0}, "small"),
+                         Moved(Needles(300), 0x1p-140f, {0, 0, 0}, "subnormal"),
+                         Moved(Ball(3), 0x1p100f, {0, 0, 0}, "large")};
+  size_t hits = 0, asked = 0, moved = 0;
+  for (const Mesh& mesh : meshes) {
+    const Held<kWidth> held(mesh, form);
+    const std::string spec = "bvh_wide(width=" + std::to_string(kWidth) + ",nodes=" + nodes +
+                             ",leaves=" + kLeafForms[size_t(form)] + ")";
+    const Tree tree = Build(spec, mesh.Geometry()), brute = Build("brute", held.mesh.Geometry());
+    EXPECT_EQ(OutsideOfLeaves(tree, held.mesh.Geometry()), 0u) << spec << ' ' << mesh.name;
+    EXPECT_EQ(tree.Claims(), uint32_t(IsQuantized(form) ? RB_CLAIM_INEXACT : RB_CLAIM_WATERTIGHT));
+    const auto rays = NastyRays(mesh, int(Effort(50)), 4);
+    const auto got = Closest(tree, rays), expected = Closest(brute, rays);
+    EXPECT_EQ(std::memcmp(got.data(), expected.data(), got.size() * sizeof(rb_hit)), 0)
+        << spec << ' ' << mesh.name;
+    EXPECT_EQ(Occluded(tree, rays), Occluded(brute, rays)) << spec << ' ' << mesh.name;
+    for (const rb_hit& hit : got) hits += hit.prim != RAYBENCH_NONE;
+    asked += got.size();
+    for (uint32_t t = 0; t < mesh.triangles.size(); ++t)
+      for (int c = 0; c < 3; ++c) moved += !(held.mesh.Corner(t, c) == mesh.Corner(t, c));
+  }
+  EXPECT_GT(hits, asked / 4);
+  EXPECT_EQ(moved > 1000, IsQuantized(form));
+}
+
+TEST(CompactLeaves, AreAnsweredAsTheTrianglesThatTheyHold) {
+  ExpectAnswersOfHeldTriangles<8>(Leaves::kIndexed, "quantized8");
+  ExpectAnswersOfHeldTriangles<4>(Leaves::kQuantized16, "quantized16");
+  ExpectAnswersOfHeldTriangles<16>(Leaves::kQuantized8, "full");
+  ExpectAnswersOfHeldTriangles<8>(Leaves::kSnapped16, "quantized8");
+  ExpectAnswersOfHeldTriangles<4>(Leaves::kSnapped8, "full");
+}
+
+/// By half a step, which is at most the leaf's extent, or the largest leaf's, by the number of offsets; and in all leaves
+/// alike where the step is common.
+TEST(CompactLeaves, VerticesMoveByHalfAStepAndStayTogetherWhereTheStepIsCommon) {
+  for (const Mesh& mesh : {Ball(4), Moved(Ball(4), 1, {100, 0, -3}, "off"), Needles(500)}) {
+    for (const Leaves form : {Leaves::kIndexed, Leaves::kQuantized16, Leaves::kQuantized8, Leaves::kSnapped16,
+                              Leaves::kSnapped8}) {
+      const bool is_common = form == Leaves::kSnapped16 || form == Leaves::kSnapped8;
+      const float offsets = form == Leaves::kQuantized8 || form == Leaves::kSnapped8 ? 255 : 65535;
+      const Held<8> held(mesh, form);
+      Vec3f largest{0, 0, 0};
+      for (const Bounds3& box : held.leaf) largest = Max(largest, box.Extent());
+      std::map<uint32_t, Vec3f> place;
+      size_t torn = 0;
+      for (uint32_t t = 0; t < mesh.triangles.size(); ++t) {
+        for (int c = 0; c < 3; ++c) {
+          const Vec3f from = mesh.Corner(t, c), to = held.mesh.Corner(t, c);
+          const Vec3f extent = is_common ? largest : held.leaf[t].Extent();
+          for (int a = 0; a < 3; ++a) {
+            ASSERT_TRUE(IsQuantized(form) || from[a] == to[a]);
+            ASSERT_LE(std::fabs(from[a] - to[a]), 1.02f * extent[a] / offsets) << kLeafForms[size_t(form)];
+          }
+          torn += !(place.try_emplace(mesh.triangles[t][size_t(c)], to).first->second == to);
+        }
+      }
+      EXPECT_EQ(torn > 0, IsQuantized(form) && !is_common && mesh.name != Needles(1).name)
+          << kLeafForms[size_t(form)] << ' ' << mesh.name;
+    }
+  }
+}
+
+TEST(CompactLeaves, TakeLessMemoryAndSayWhatTheyRead) {
+  const Mesh mesh = Ball(5);
+  const rb_geometry geometry = mesh.Geometry();
+  uint64_t before = ~uint64_t{0};
+  for (const std::string form : {"copied", "quantized16", "snapped8", "indexed"}) {
+    const Tree tree = Build("bvh_wide(width=8,leaves=" + form + ")", geometry);
+    uint64_t nodes = 0, prims = 0;
+    int needs_geometry = 0;
+    tree.structure().memory(tree.get(), &nodes, &prims, &needs_geometry);
+    EXPECT_LT(prims, before) << form;
+    EXPECT_EQ(needs_geometry, form == "indexed");
+    before = prims;
+  }
+}
+
+TEST(CompactLeaves, RefuseWhatTheyCannotHold) {
+  const Mesh mesh = Ball(1);
+  const Balls balls(2, 4);
+  const auto why = [](const std::string& spec, const rb_geometry& geometry) -> std::string {
+    try {
+      Build(spec, geometry);
+    } catch (const std::exception& error) {
+      return error.what();
+    }
+    return "";
+  };
+  for (const std::string form : {"quantized16", "quantized8", "snapped16", "snapped8"}) {
+    const std::string spec = "bvh_wide(leaves=" + form;
+    EXPECT_NE(why(spec + ",builder=spatial)", mesh.Geometry()).find("allowed: binned, sweep, morton"),
+              std::string::npos);
+    EXPECT_NE(why(spec + ")", balls.Geometry(mesh)).find("allowed: copied, indexed"), std::string::npos);
+    EXPECT_EQ(why(spec + ",builder=morton)", mesh.Geometry()), "");
+  }
+}
+
 /// Rays of a query with all that comes with them.
 struct Asked {
   std::vector<rb_ray> rays;
@@ -388,6 +555,30 @@ TEST(BvhWide, BatchesAreAnsweredAsSingleRays) {
   }
   EXPECT_GT(hits, asked_for / 3);
   EXPECT_LT(hits, asked_for - asked_for / 10);
+}
+
+TEST(CompactLeaves, IndexedOnesAreAnsweredAsCopiedOnes) {
+  const Mesh mesh = Ball(4);
+  const Balls balls(20, 4);
+  for (const std::string form :
+       {"width=4", "width=8,numerics=fast", "width=16,numerics=exact,nodes=quantized8"}) {
+    for (const rb_geometry& geometry : {mesh.Geometry(), balls.Geometry(mesh)}) {
+      const Tree copied = Build("bvh_wide(" + form + ")", geometry),
+                 indexed = Build("bvh_wide(leaves=indexed,batch=packet," + form + ")", geometry);
+      const Asked asked = Everything(mesh, copied);
+      const size_t n = asked.rays.size();
+      Said with = Ask(copied, asked, n, true, false), without = Ask(indexed, asked, n, true, false);
+      ASSERT_TRUE(with == without) << form;
+      with = Ask(copied, asked, n, true, true), without = Ask(indexed, asked, n, true, true);
+      uint64_t bytes[2] = {};
+      for (size_t i = 0; i < n; ++i) {
+        bytes[0] += std::exchange(with.counts[i].bytes, 0),
+            bytes[1] += std::exchange(without.counts[i].bytes, 0);
+      }
+      ASSERT_TRUE(with == without) << form;
+      EXPECT_NE(bytes[0], bytes[1]);
+    }
+  }
 }
 
 }  // namespace

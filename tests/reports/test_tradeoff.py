@@ -155,6 +155,23 @@ def test_knobs_become_points():
     ]
 
 
+def test_stored_precision_is_exact_but_for_quantised_vertices_which_are_of_triangles(monkeypatch):
+    own = {
+        "width": parameter("choice", "16", choices=["8", "16"]),
+        "nodes": parameter("choice", "full", choices=["full", "quantized8"]),
+        "leaves": parameter("choice", "copied", True, choices=["copied", "indexed", "quantized8"]),
+    }
+    monkeypatch.setitem(KNOWN, "bvh_wide", own)
+    points = chosen("precision", quick=True).points
+    assert [p.spec for p in points] == [
+        "bvh_wide(width=16,nodes=full)", "bvh_wide(width=16,nodes=quantized8)",
+        "bvh_wide(leaves=indexed,nodes=quantized8,width=16)", "bvh_wide(leaves=quantized8,nodes=quantized8,width=16)",
+    ]  # fmt: skip
+    assert [p.must_be_exact for p in points] == [True, True, True, False]
+    mixed = chosen("precision", facts=FACTS | {"procedural": {"spheres": 3}})
+    assert len(mixed.points) == 6 and "vertices" in mixed.left_out[0]
+
+
 def test_what_a_scene_does_not_need_is_left_out_aloud():
     found = chosen("depth,samples=2")
     assert not [p for p in found.points if p.knob == "depth"] and "no material reflects" in found.left_out[0]
@@ -348,9 +365,13 @@ def test_a_real_sweep_measures_all_it_was_asked(real):
     assert judged.loc[judged["must_be_exact"] == 0, "rays"].eq(1024).all()  # aimed_vertex and aimed_edge
     assert judged.loc[judged["spec"] == "bvh_sah", "leak"].eq(0).all()
     precision = rays[(rays["knob"] == "precision")]
-    assert (
-        precision.groupby("ray_set")["hits_digest"].nunique().eq(1).all() and precision["memory_bytes"].nunique() == 3
-    )
+    same, moved = precision[precision["must_be_exact"] == 1], precision[precision["must_be_exact"] == 0]
+    assert same.groupby("ray_set")["hits_digest"].nunique().eq(1).all() and same["memory_bytes"].nunique() == 4
+    assert moved["spec"].nunique() == 4 and (moved["claim"] == "inexact").all()
+    fronts = results.read_table(out / "fronts.csv").groupby("front")["point"].unique()
+    assert set(fronts["vertices"]) == set(fronts["vertices_leaks"]) == set(moved["point"])
+    assert set(fronts["precision"]) == set(same["point"])
+    assert moved.loc[moved["ray_set"] == "aimed", "t_error_p99"].gt(same["t_error_p99"].max()).all()
     assert (
         pictures["samples"].between(3, 6).all() and (pictures["seconds_lo"].notna() == (pictures["samples"] == 6)).all()
     )

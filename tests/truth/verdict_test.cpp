@@ -329,17 +329,18 @@ TEST_P(VerdictTest, CountsPercentilesAndRefusesOddSizes) {
   std::vector<rb_ray> rays(100, MakeRay({0, 0.5f, 0.25f}, {1, 0, 0}));
   std::vector<rb_hit> hits(100, rb_hit{1, 0, 0, 0});
   hits[0].t += 0x1p-23f, hits[1].t += 0x1p-22f, hits[2] = {kInf, 0, 0, RAYBENCH_NONE}, hits[3] = {2, 0, 0, 2};
+  hits[4].t = 1.5f;  // wrong, but the primitive is right: its t counts
   const auto truth = oracle->Ask(rays, 1);
   const VerdictCounts counts = JudgeAll(*oracle, RB_CLOSEST, rays, truth, hits, {}, 2);
   EXPECT_EQ(counts.rays, 100u);
-  EXPECT_EQ(counts[Verdict::kExact], 98u);
+  EXPECT_EQ(counts[Verdict::kExact], 97u);
   EXPECT_EQ(counts[Verdict::kFalseMiss], 1u);
-  EXPECT_EQ(counts[Verdict::kWrong], 1u);
-  EXPECT_EQ(counts.strict, 96u);
-  EXPECT_EQ(counts.plain_errors(), 2u);
+  EXPECT_EQ(counts[Verdict::kWrong], 2u);
+  EXPECT_EQ(counts.strict, 95u);
+  EXPECT_EQ(counts.plain_errors(), 3u);
   EXPECT_EQ(counts.t_error_p50, 0);
-  EXPECT_EQ(counts.t_error_p99, 2);  // nearest rank of 98: the last but none
-  EXPECT_EQ(counts.t_error_max, 2);
+  EXPECT_EQ(counts.t_error_p99, 0x1p22);  // nearest rank of 98: the last but none
+  EXPECT_EQ(counts.t_error_max, 0x1p22);
   const std::vector<uint8_t> occluded(100, 1);
   const VerdictCounts any = JudgeAll(*oracle, RB_ANY, rays, truth, {}, occluded, 1);
   EXPECT_EQ(any[Verdict::kExact], 100u);

@@ -87,9 +87,9 @@ class Collapser {
     float best = kInf;
     for (uint32_t i = 2; i <= s.most; ++i) best = std::min(best, s.cost[i - 1]);
     const float as_node = costs_.traversal * area + best;
-    const float as_leaf =
-        s.count <= costs_.leaf_size && !tree_.clipped ? costs_.Blocks(s.count) * area : kInf;
-    choice.is_leaf = as_leaf <= as_node;
+    const bool fits_leaf = s.count <= costs_.leaf_size && !tree_.clipped;
+    const float as_leaf = fits_leaf ? costs_.Blocks(s.count) * area : kInf;
+    choice.is_leaf = fits_leaf && as_leaf <= as_node;  // areas of large boxes are infinite
     best = s.cost[0] = std::min(as_leaf, as_node);
     // Fewer trees may cost less than more of them.
     choice.left[0] = 0;

@@ -36,10 +36,13 @@ class WideBvhOf final : public WideBvh {
         clipped_(tree.clipped),
         needs_uv_(options.needs_uv),
         batch_(options.batch),
+        codec_(LeafCodec<kLanes>::Of(options.leaves)),
+        steps_(options.steps),
+        leaf_lines_(codec_ == nullptr ? LinesOf(sizeof(Block)) : LinesOf(codec_->bytes)),
         node_count_(topology.nodes()) {
     bounds_ = BoundsOf(tree.nodes[0]);
     if (node_count_ == 0) {
-      Allocate(kBlockLines);
+      Allocate(leaf_lines_);
       leaf_count_ = 1, root_ = kLeaf;
       Fill(0, tree, topology.children[0]);
       return;
@@ -51,7 +54,7 @@ class WideBvhOf final : public WideBvh {
       uint32_t leaves = 0;
       for (const WideTopology::Child& child : topology.ChildrenOf(i)) leaves += child.count > 0;
       leaf_count_ += leaves;
-      lines += kNodeLines + leaves * uint64_t{kBlockLines};
+      lines += kNodeLines + leaves * uint64_t{leaf_lines_};
     }
     Allocate(lines);
     root_ = 0;
@@ -62,7 +65,7 @@ class WideBvhOf final : public WideBvh {
 
   void Query(uint32_t numerics, const rb_query& query, bool counted) const override {
     if (batch_ != Batch::kSingle && !counted && root_ == 0 && query.n > 1 &&
-        Numerics(numerics) == Numerics::kWatertight && geometry_.procedural_count == 0) {
+        Numerics(numerics) == Numerics::kWatertight && HoldsTriangles()) {
       query.kind == RB_ANY ? QueryTogether<true>(query) : QueryTogether<false>(query);
       return;
     }
@@ -72,8 +75,9 @@ class WideBvhOf final : public WideBvh {
   }
 
   MemoryUse Memory() const override {
-    return {lines_.bytes() - leaf_count_ * sizeof(Block), leaf_count_ * sizeof(Block),
-            geometry_.procedural_count > 0};
+    const uint64_t leaves = leaf_count_ * leaf_lines_ * sizeof(Line);
+    return {lines_.bytes() - leaves, leaves,
+            geometry_.procedural_count > 0 || (codec_ != nullptr && codec_->bytes_outside > 0)};
   }
 
   int Visit(const std::function<int(const rb_node&)>& node) const override {
@@ -85,8 +89,10 @@ class WideBvhOf final : public WideBvh {
   struct alignas(32) Line {
     std::byte bytes[32];
   };
-  static constexpr uint32_t kNodeLines = (sizeof(Node) + sizeof(Line) - 1) / sizeof(Line),
-                            kBlockLines = sizeof(Block) / sizeof(Line);
+  static constexpr uint32_t LinesOf(size_t bytes) {
+    return uint32_t((bytes + sizeof(Line) - 1) / sizeof(Line));
+  }
+  static constexpr uint32_t kNodeLines = LinesOf(sizeof(Node));
   static_assert(sizeof(Block) % sizeof(Line) == 0);
 
   // --- layout ---
@@ -98,8 +104,9 @@ class WideBvhOf final : public WideBvh {
   static Bounds3 BoundsOf(const BuildNode& node) { return {LoadVec3(node.lo), LoadVec3(node.hi)}; }
 
   void Fill(uint32_t line, const BinaryTree& tree, const WideTopology::Child& leaf) {
-    LeafBlocks<kLanes>::FillBlock(geometry_, {&tree.order[leaf.first], leaf.count},
-                                  reinterpret_cast<Block&>(lines_[line]));
+    const std::span prims(&tree.order[leaf.first], leaf.count);
+    if (codec_ != nullptr) return codec_->encode(geometry_, steps_, prims, &lines_[line]);
+    LeafBlocks<kLanes>::FillBlock(geometry_, prims, reinterpret_cast<Block&>(lines_[line]));
   }
 
   void LayOut(uint32_t i, const std::vector<uint32_t>& place, const BinaryTree& tree,
@@ -112,7 +119,7 @@ class WideBvhOf final : public WideBvh {
       if (child.count > 0) {
         Fill(leaf, tree, child);
         node.child[c] = kLeaf | leaf;
-        leaf += kBlockLines;
+        leaf += leaf_lines_;
       } else {
         node.child[c] = place[child.first];
       }
@@ -124,13 +131,25 @@ class WideBvhOf final : public WideBvh {
 
   static bool IsLeaf(uint32_t ref) { return (ref & kLeaf) != 0; }
   const Node& NodeOf(uint32_t ref) const { return reinterpret_cast<const Node&>(lines_[ref]); }
+  /// Of a copied leaf.
   const Block& BlockOf(uint32_t ref) const { return reinterpret_cast<const Block&>(lines_[ref & ~kLeaf]); }
+  const void* LeafOf(uint32_t ref) const { return &lines_[ref & ~kLeaf]; }
+  const uint32_t* PrimsOf(uint32_t ref) const {
+    return codec_ == nullptr ? BlockOf(ref).prim : static_cast<const uint32_t*>(LeafOf(ref));
+  }
+  /// Leaves are copied, and hold triangles alone.
+  bool HoldsTriangles() const { return codec_ == nullptr && geometry_.procedural_count == 0; }
 
   /// The lanes behind a leaf's last primitive repeat it.
-  static uint32_t LeafSize(const Block& block) {
+  uint32_t LeafSize(uint32_t ref) const {
+    const uint32_t* prim = PrimsOf(ref);
     uint32_t n = 1;
-    while (block.prim[n - 1] != block.prim[kLanes - 1]) ++n;
+    while (prim[n - 1] != prim[kLanes - 1]) ++n;
     return n;
+  }
+  /// What a test of its `prims` primitives reads.
+  uint64_t LeafBytes(uint32_t prims) const {
+    return codec_ == nullptr ? sizeof(Block) : codec_->bytes + uint64_t{prims} * codec_->bytes_outside;
   }
 
   int VisitBelow(uint32_t ref, const Bounds3& box, uint32_t depth,
@@ -138,7 +157,7 @@ class WideBvhOf final : public WideBvh {
     const float bounds[6] = {box.lo.x, box.lo.y, box.lo.z, box.hi.x, box.hi.y, box.hi.z};
     rb_node shown{depth, 0, clipped_, RB_SHAPE_BOX, bounds, 6, 0, nullptr};
     if ((ref & kLeaf) != 0) {
-      shown.is_leaf = 1, shown.prims = BlockOf(ref).prim, shown.prim_count = LeafSize(BlockOf(ref));
+      shown.is_leaf = 1, shown.prims = PrimsOf(ref), shown.prim_count = LeafSize(ref);
       return node(shown);
     }
     if (int stop = node(shown)) return stop;
@@ -171,7 +190,7 @@ class WideBvhOf final : public WideBvh {
     // depend on the machine.
     constexpr bool kMayMove = !Counter::kCounts && Test::kSlack != Slack::kNone;
     constexpr bool kInline = !Counter::kCounts && RayState<Test>::kInLanes;
-    const bool in_lanes = kInline && geometry_.procedural_count == 0;
+    const bool in_lanes = kInline && HoldsTriangles();
     ForEachRay<Counter>(query, [&](auto any, const RayQuery& q, rb_hit& best, Counter& counter) {
       const SlabRay slab(q.ray, Test::kSlack);
       // Not a second SlabRay: read whole, what was just written in parts waits for the memory.
@@ -192,7 +211,7 @@ class WideBvhOf final : public WideBvh {
         }
       }
       const RayState<Test> state(q);
-      trace(Made{CalledLeafTest<kLanes>(state, geometry_)});
+      trace(Made{CalledLeafTest<kLanes>(state, geometry_, codec_)});
     });
   }
 
@@ -204,7 +223,7 @@ class WideBvhOf final : public WideBvh {
     NoCounting counter;
     const RayState<WatertightTest> state(q);
     Trace<kAnyHit>(WideRay<kWidth, false>(state.slab, NearWidening(WatertightTest::kSlack)),
-                   Made{CalledLeafTest<kLanes>(state, geometry_)}, q, best, counter);
+                   Made{CalledLeafTest<kLanes>(state, geometry_, nullptr)}, q, best, counter);
   }
 
   /// In place of what makes a leaf test when the first node was met: one that is shared by several tests.
@@ -252,8 +271,11 @@ class WideBvhOf final : public WideBvh {
   [[gnu::always_inline]] bool TakeLeaf(uint32_t ref, const LeafTest& leaf, rb_hit& best,
                                        Counter& counter) const {
     counter.Step(0), counter.Leaf(false);
-    if constexpr (Counter::kCounts) counter.Prims(LeafSize(BlockOf(ref)), sizeof(Block));
-    return leaf.template Take<kAnyHit>(BlockOf(ref), best);
+    if constexpr (Counter::kCounts) {
+      const uint32_t prims = LeafSize(ref);
+      counter.Prims(prims, LeafBytes(prims));
+    }
+    return leaf.template Take<kAnyHit>(LeafOf(ref), best);
   }
 
   template <class Ray, class Counter>
@@ -350,6 +372,9 @@ class WideBvhOf final : public WideBvh {
   Bounds3 bounds_;
   bool clipped_, needs_uv_;
   Batch batch_;
+  const LeafCodec<kLanes>* codec_;  // nullptr: leaves are copied
+  GridSteps steps_;
+  uint32_t leaf_lines_;
   uint64_t node_count_ = 0, leaf_count_ = 0;
 };
 

@@ -4,8 +4,8 @@
 // traversal.h, that for several rays at a time in interleaved.h, tests of leaves in leaf_test.h.
 //
 // Nodes and leaves stand in one array of lines, in depth-first order, the leaves of a node right behind it. A leaf is
-// one block of triangles (ray/leaf_blocks.h), as many as the node has children, but no more than eight. A reference is
-// a line's number; bit 31 tells leaves.
+// one block of triangles (ray/leaf_blocks.h), as many as the node has children, but no more than eight, or what such a
+// block is made from (compact_leaves.h). A reference is a line's number; bit 31 tells leaves.
 //
 // Traversal is conservative when the test is: nothing that the primitive test accepts is culled, a box whose entry
 // equals the best t is still visited, so that the lowest id wins ties, and the answer is that of `brute`.
@@ -15,6 +15,7 @@
 #include <memory>
 
 #include "accel/bvh/wide/collapse.h"
+#include "accel/bvh/wide/compact_leaves.h"
 #include "accel/contract/structure.h"
 
 namespace raybench {
@@ -29,8 +30,10 @@ inline constexpr const char* kBatches[] = {"single", "interleaved", "packet", nu
 struct WideOptions {
   uint32_t width;  ///< 4, 8 or 16
   NodeFormat format;
-  Batch batch;
+  Batch batch;  ///< other than single: with copied leaves
   bool needs_uv;
+  Leaves leaves;
+  GridSteps steps;  ///< of quantised leaves: what ChooseGrids said
 };
 
 class WideBvh {

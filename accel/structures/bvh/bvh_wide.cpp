@@ -11,6 +11,7 @@
 #include <cstddef>
 #include <memory>
 #include <stdexcept>
+#include <string>
 
 #include "accel/base/parallel.h"
 #include "accel/bvh/binned_sah.h"
@@ -32,7 +33,7 @@ constexpr const char* kBuilders[] = {"binned", "sweep", "spatial", "morton", nul
 class BvhWide {
  public:
   struct Config {
-    uint32_t numerics, width, nodes, builder, batch;
+    uint32_t numerics, width, nodes, leaves, builder, batch;
     int64_t bins, leaf_size, reinsertion;
     double split_budget, traversal_cost;
   };
@@ -54,6 +55,13 @@ class BvhWide {
             "boxes in nodes: full (floats), quantized16 or quantized8 (integers of so many bits on a grid, "
             "rounded outward: less memory, the same answers)",
             offsetof(Config, nodes), kNodeFormats, uint32_t(NodeFormat::kFull)),
+        ChoiceParam(
+            "leaves",
+            "triangles in leaves: copied, indexed (ids alone, vertices read from the scene: the same "
+            "answers), quantized16 or quantized8 (vertices moved to a grid of the leaf, offsets of so many "
+            "bits: less memory, claims nothing, cracks), snapped16 or snapped8 (one step for all leaves: "
+            "no cracks, but the largest triangles decide the step)",
+            offsetof(Config, leaves), kLeafForms, uint32_t(Leaves::kCopied), RB_PARAM_APPROXIMATE),
         ChoiceParam("builder",
                     "of the binary tree: binned (SAH between bins), sweep (SAH at every plane), spatial "
                     "(SAH, may cut "
@@ -70,7 +78,8 @@ class BvhWide {
                  offsetof(Config, reinsertion), 0, 100, 0),
         ChoiceParam("batch",
                     "native batches: rays of a call that a thread traces at a time, with numerics=watertight "
-                    "on triangles (else singly): single, interleaved (16 in flight, which hides memory "
+                    "and leaves=copied on triangles (else singly): single, interleaved (16 in flight, which "
+                    "hides memory "
                     "latency), packet (consecutive ones of like directions together, the others interleaved)",
                     offsetof(Config, batch), kBatches, uint32_t(Batch::kSingle), RB_PARAM_SPEED_ONLY)};
     return params;
@@ -78,6 +87,11 @@ class BvhWide {
 
   BvhWide(const rb_geometry& geometry, const rb_build_options& options, const Config& config)
       : numerics_(config.numerics), claim_(ClaimOf(config.numerics, geometry)) {
+    const Leaves leaves{config.leaves};
+    if (IsQuantized(leaves)) {
+      RequireQuantizable(geometry, config);
+      claim_ = RB_CLAIM_INEXACT;
+    }
     if (PrimCount(geometry) == 0) return;
     const uint32_t width = 4u << config.width;
     RequireWithinLimit(PeakBytes(config, PrimCount(geometry), width), options);
@@ -89,9 +103,12 @@ class BvhWide {
       if (config.reinsertion > 0)
         binary = Reinsert(std::move(binary), uint32_t(config.reinsertion), costs, options.cancel);
       costs.traversal = float(config.traversal_cost);
-      tree_ = MakeWideBvh(
-          geometry, binary, Collapse(binary, width, costs),
-          {width, NodeFormat(config.nodes), Batch(config.batch), (options.needs & RB_NEED_UV) != 0});
+      const WideTopology topology = Collapse(binary, width, costs);
+      GridSteps steps;
+      if (IsQuantized(leaves)) steps = ChooseGrids(geometry, topology, leaves, binary);
+      tree_ = MakeWideBvh(geometry, binary, topology,
+                          {width, NodeFormat(config.nodes), Batch(config.batch),
+                           (options.needs & RB_NEED_UV) != 0, leaves, steps});
     });
     // Leaves that are not full take more than was estimated.
     RequireWithinLimit(Memory().nodes + Memory().prims, options);
@@ -110,6 +127,18 @@ class BvhWide {
   }
 
  private:
+  static void RequireQuantizable(const rb_geometry& geometry, const Config& config) {
+    const std::string form = std::string("leaves=") + kLeafForms[config.leaves];
+    if (geometry.procedural_count > 0)
+      throw std::runtime_error(form + ": holds triangles alone, and the scene has " +
+                               std::to_string(geometry.procedural_count) +
+                               " procedural primitives; allowed: copied, indexed");
+    if (Builder(config.builder) == Builder::kSpatial)
+      throw std::runtime_error(form +
+                               ": leaves of builder=spatial enclose parts of triangles, and moved vertices "
+                               "leave them; allowed: binned, sweep, morton");
+  }
+
   static BinaryTree Build(const rb_geometry& geometry, const rb_build_options& options, const Config& config,
                           const SahCosts& costs) {
     const bool padded = IsConservative(config.numerics);

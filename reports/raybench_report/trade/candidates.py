@@ -45,6 +45,7 @@ EXACT_ENOUGH = (
 SMALL = (
     Candidate("bvh_wide(nodes=quantized8)", "boxes of 8 bits: the smallest nodes, the same answers"),
     Candidate("bvh_wide(nodes=quantized8,builder=morton)", "the same, built fast"),
+    Candidate("bvh_wide(nodes=quantized8,leaves=indexed)", "the least memory: triangles stay in the scene's own arrays"),
     Candidate("bvh_sweep", "few bytes a primitive"),
 )
 # Where some answers may be wrong.

@@ -30,13 +30,14 @@ class Measure:
 
 SPEED = Measure("speed", "million rays/s", "high", ("speed_lo", "speed_hi"))
 WRONG = Measure("error_rate", "share of wrong answers", ends=("error_lo", "error_hi"), percent=True)
+LEAKS = Measure("leak_rate", "share of leaks", ends=("leak_lo", "leak_hi"), percent=True)
 T_ERROR = Measure("t_error_p99", "error of t, ulp (99 %)")
 MEMORY = Measure("memory_bytes", "MB", factor=1e-6)
 BUILD = Measure("build_ms", "build, ms", ends=("build_lo", "build_hi"))
 SECONDS = Measure("seconds", "seconds a picture", ends=("seconds_lo", "seconds_hi"))
 FLIP = Measure("flip_mean", "mean FLIP")
 RMSE = Measure("rmse", "RMSE")
-MEASURES = {m.column: m for m in (SPEED, WRONG, T_ERROR, MEMORY, BUILD, SECONDS, FLIP, RMSE)}
+MEASURES = {m.column: m for m in (SPEED, WRONG, LEAKS, T_ERROR, MEMORY, BUILD, SECONDS, FLIP, RMSE)}
 
 
 @dataclass
@@ -85,9 +86,16 @@ def _of_rays(scene, here, ray_set):
         found.append(_front("t_error", "Error of t against speed", scene, ray_set, T_ERROR, SPEED, scored))
         title = "Published tests, each called triangle by triangle: wrong answers against speed"
         found.append(_front("tests", title, scene, ray_set, WRONG, SPEED, tests))
+    precision = here[here["knob"] == "precision"]
     if ray_set != "aimed":
-        precision = here[here["knob"] == "precision"]
-        found.append(_front("precision", "Memory against speed", scene, ray_set, MEMORY, SPEED, precision))
+        same = precision[precision["must_be_exact"] == 1]
+        found.append(_front("precision", "Memory against speed", scene, ray_set, MEMORY, SPEED, same))
+    if ray_set == "aimed":
+        moved = precision[precision["must_be_exact"] == 0]
+        title = "Quantised vertices: error of t against memory"
+        found.append(_front("vertices", title, scene, ray_set, T_ERROR, MEMORY, moved))
+        title = "Quantised vertices: leaks against memory"
+        found.append(_front("vertices_leaks", title, scene, ray_set, LEAKS, MEMORY, moved))
     for knob in [k for k in here["knob"].unique() if "." in k]:
         own = here[here["knob"] == knob]
         if own["must_be_exact"].all():

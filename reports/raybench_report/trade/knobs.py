@@ -31,7 +31,7 @@ PATTERNS = ("uniform", "jittered", "low-discrepancy")
 STRUCTURES = {
     "numerics": "arithmetic of bvh_sah, bvh_wide and kdtree_sah; Embree fast, robust, compact",
     "tests": "published ray-triangle and ray-box tests in bvh_sah, where this raybench has them; named alone, also with FMA",
-    "precision": "bvh_wide: full, 16-bit and 8-bit boxes x width; must be exact",
+    "precision": "bvh_wide: full, 16-bit and 8-bit boxes x width, indexed leaves: must be exact; vertices of 16 and 8 bits: scored",
     "parameters": "sizes of leaves, bins, depth, density, splits; must be exact",
 }
 GROUPS = {"tracer": ("depth", "contribution", "samples", "adaptive", "filter")}
@@ -109,7 +109,7 @@ def choose(text, structures, scene_facts, quick):
         if knob in STRUCTURES:
             if values is not None:
                 raise RunError(f"--knobs {name}: {knob} takes no values")
-            _add_structures(chosen, knob, structures, quick, knob in _words(text))
+            _add_structures(chosen, knob, structures, scene_facts, quick, knob in _words(text))
         elif knob in PICTURES:
             _add_pictures(chosen, knob, values, scene_facts, quick)
         elif "." in knob:
@@ -123,7 +123,7 @@ def choose(text, structures, scene_facts, quick):
     return chosen
 
 
-def _add_structures(chosen, knob, structures, quick, by_name):
+def _add_structures(chosen, knob, structures, facts, quick, by_name):
     if knob == "numerics":
         for name in ARITHMETIC:
             choices = _choices(structures, name, "numerics")
@@ -133,15 +133,27 @@ def _add_structures(chosen, knob, structures, quick, by_name):
     elif knob == "tests":
         _add_tests(chosen, structures, quick, by_name)
     elif knob == "precision":
-        widths = _choices(structures, "bvh_wide", "width")
-        for width in widths[1:2] if quick else widths:
-            for nodes in _choices(structures, "bvh_wide", "nodes"):
-                spec = f"bvh_wide(width={width},nodes={nodes})"
-                chosen.points.append(Point(knob, spec, True, spec))
+        _add_precision(chosen, structures, facts, quick)
     else:
         for spec, parameter, values in PARAMETERS:
             if split(spec)[0] in structures.names:
                 chosen.points += _parameter(f"{spec}.{parameter}", None, structures, quick)
+
+
+def _add_precision(chosen, structures, facts, quick):
+    """Every form of boxes and, beside the smallest of them, every form of leaves."""
+    widths = _choices(structures, "bvh_wide", "width")
+    leaves = [form for form in _choices(structures, "bvh_wide", "leaves") if form != "copied"]
+    if facts.get("procedural") and leaves:
+        chosen.left_out.append("precision: left out: vertices of 16 and 8 bits, which are of triangles alone")
+        leaves = [form for form in leaves if form == "indexed"]
+    for width in widths[1:2] if quick else widths:
+        for nodes in _choices(structures, "bvh_wide", "nodes"):
+            spec = f"bvh_wide(width={width},nodes={nodes})"
+            chosen.points.append(Point("precision", spec, True, spec))
+        for form in leaves:
+            spec = f"bvh_wide(leaves={form},nodes=quantized8,width={width})"  # where names are cut, the form is seen
+            chosen.points.append(Point("precision", spec, form == "indexed", spec))
 
 
 def _add_tests(chosen, structures, quick, by_name):
