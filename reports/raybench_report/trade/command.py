@@ -191,8 +191,8 @@ def _sweep(program, settings, work, say):
     for scene in settings.scenes:
         facts = program.list("scene", scene)
         chosen = knobs.choose(",".join(settings.knobs), known, facts, settings.quick)
-        if any(p.knob == "lod" for p in chosen.points) and not _has_decimate(program):
-            chosen.points = [p for p in chosen.points if p.knob != "lod"]
+        if any(p.knob in knobs.LEVELS for p in chosen.points) and not _has_decimate(program):
+            chosen.points = [p for p in chosen.points if p.knob not in knobs.LEVELS]
             chosen.left_out.append("lod: left out: this raybench has no modifier `decimate`")
         for point in chosen.structures:
             known.full(point.spec)
