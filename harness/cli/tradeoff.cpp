@@ -10,7 +10,8 @@ namespace {
 
 struct TradeoffOptions {
   std::vector<std::string> scenes;
-  std::string knobs, suite, out, size, structure;
+  std::string suite, out, size;
+  std::optional<std::string> knobs, structure;
   std::optional<double> seconds;
   std::optional<uint64_t> rays, verify_rays, samples, reference, seed;
   bool quick = false, list = false, no_report = false;
@@ -63,8 +64,9 @@ void AddOptions(CLI::App& command, TradeoffOptions& options) {
       ->type_name("N");
   command
       .add_option("--samples", options.samples,
-                  "Times that each picture is rendered, each in a process of its own; default 7, quick 6; at "
-                  "least 6 have an interval")
+                  "Times that each picture is rendered, each in a process of its own; default 7, quick 6; 6 "
+                  "have an interval and are taken whatever --seconds says. What is undecided gets the "
+                  "seconds that are left")
       ->transform(WholeNumber(1, 1000))
       ->type_name("N");
   command.add_option("--structure", options.structure, "Traces the pictures; default bvh_wide")
@@ -94,7 +96,7 @@ void AddOptions(CLI::App& command, TradeoffOptions& options) {
 }
 
 int Tradeoff(const TradeoffOptions& options, const Registry& registry, const Invocation& invocation) {
-  if (!options.structure.empty()) ParseContestant(registry, options.structure);
+  if (options.structure) ParseContestant(registry, *options.structure);
   ReportWords words("tradeoff");
   words.Option("--program", ThisProgram());
   words.Option("--plugin", invocation.plugins);

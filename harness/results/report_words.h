@@ -15,24 +15,24 @@ class ReportWords {
  public:
   explicit ReportWords(const char* command) : words_{command} {}
 
-  /// Adds an option; nothing where it was not given: an empty text, an optional without a value, a false flag. A
-  /// list is an option repeated.
+  /// Adds an option; nothing where it was not given: an optional without a value, an empty text outside of one, a
+  /// false flag. A list is an option repeated.
   template <class T>
   void Option(const char* name, const T& value) {
     if constexpr (std::is_same_v<T, bool>) {
       if (value) words_.emplace_back(name);
     } else if constexpr (std::is_same_v<T, std::string>) {
-      if (!value.empty()) words_.push_back(fmt::format("{}={}", name, value));
+      if (!value.empty()) Add(name, value);
     } else {
-      words_.push_back(fmt::format("{}={}", name, value));
+      Add(name, value);
     }
   }
   template <class T>
   void Option(const char* name, const std::optional<T>& value) {
-    if (value) Option(name, *value);
+    if (value) Add(name, *value);
   }
   void Option(const char* name, const std::vector<std::string>& values) {
-    for (const std::string& value : values) Option(name, value);
+    for (const std::string& value : values) Add(name, value);
   }
   /// What is no option, whatever it begins with; after all options.
   void Operands(const std::vector<std::string>& values) {
@@ -43,6 +43,11 @@ class ReportWords {
   const std::vector<std::string>& all() const { return words_; }
 
  private:
+  template <class T>
+  void Add(const char* name, const T& value) {
+    words_.push_back(fmt::format("{}={}", name, value));
+  }
+
   std::vector<std::string> words_;
 };
 
