@@ -34,7 +34,7 @@ class Settings:
     seconds: float = 180
     rays: int = 16384
     verify_rays: int = 32768
-    repetitions: int = 9
+    repetitions: int = 21
     size: tuple = (192, 192)
     size_given: bool = False
     samples: int = 7
