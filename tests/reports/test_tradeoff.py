@@ -174,6 +174,9 @@ def test_levels_of_detail_for_all_rays_and_for_all_but_those_of_the_camera():
 def test_what_a_scene_does_not_need_is_left_out_aloud():
     found = chosen("depth,samples=2")
     assert not [p for p in found.points if p.knob == "depth"] and "no material reflects" in found.left_out[0]
+    assert chosen("tests,numerics", facts=FACTS | {"triangles": 0}).left_out == [
+        "tests: left out: the scene has no triangles"
+    ]
     assert "triangle" in chosen("tests").left_out[0] and not chosen("tests,numerics,precision").left_out[1:]
 
 

@@ -115,6 +115,9 @@ def choose(text, structures, scene_facts, quick):
         if knob in STRUCTURES:
             if values is not None:
                 raise RunError(f"--knobs {name}: {knob} takes no values")
+            if knob == "tests" and not scene_facts["triangles"]:
+                chosen.left_out.append("tests: left out: the scene has no triangles")
+                continue
             _add_structures(chosen, knob, structures, quick, knob in _words(text))
         elif knob in PICTURES:
             _add_pictures(chosen, knob, values, scene_facts, quick)
