@@ -56,6 +56,7 @@ struct ShadeOutput {
   Batch shadow;
   std::vector<Lit> lit;  ///< one per shadow ray
   std::vector<uint8_t> occluded;
+  std::vector<rb_hit> blockers;  ///< ShadowQuery::kClosest
   uint64_t blocked;
   std::array<uint64_t, kRayKinds> hits;
 

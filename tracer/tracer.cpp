@@ -14,6 +14,7 @@
 #include "tracer/tracer.h"
 
 #include <cmath>
+#include <optional>
 #include <stdexcept>
 #include <utility>
 
@@ -160,31 +161,42 @@ struct SampleId {
   uint32_t slot, index;
 };
 
-class Wavefront {
- public:
-  Wavefront(const Scene& scene, const Tree& tree, const TraceOptions& options)
-      : scene_(scene),
-        tree_(tree),
-        options_(options),
-        sampling_(options.sampling),
-        cells_(CellsOf(options)),
-        camera_(scene, options.width, options.height),
-        shader_(scene, options),
-        max_depth_(options.rules == TraceRules::kSpd ? 4 : options.max_depth),
-        workers_(options.threads),
-        band_(std::min(options.band_rays, workers_.threads() * uint32_t{8 * Workers::kChunk})),
-        walk_(scene, tree, workers_),
-        film_(options.width, options.height, options.sampling) {
+/// What rays meet, and what happens there.
+struct World {
+  World(const Scene& scene_in, const Tree& tree_in, const TraceOptions& options, Workers& workers)
+      : scene(scene_in), tree(tree_in), shader(scene, options), walk(scene, tree, workers) {
     const uint64_t can = tree.structure().capabilities;
     const auto require = [&](bool needed, uint64_t capability, const char* what) {
       if (needed && (can & capability) == 0)
         throw InputError(std::string("structure ") + tree.structure().name + " cannot " + what);
     };
-    require(shader_.gathers() || shader_.has_holes(), RB_CAN_AFTER,
+    require(shader.gathers() || shader.has_holes(), RB_CAN_AFTER,
             "go on behind a hit, which scenes with transmitting or cut-out surfaces need");
     require(options.self_intersection == SelfIntersection::kSkip, RB_CAN_SKIP,
             "skip a primitive, which this cure against self-intersection needs");
   }
+
+  const Scene& scene;
+  const Tree& tree;
+  Shader shader;
+  Walk walk;
+};
+
+class Wavefront {
+ public:
+  Wavefront(const Scene& scene, const Tree& tree, const TraceOptions& options,
+            const SecondaryScene* secondary)
+      : options_(options),
+        sampling_(options.sampling),
+        cells_(CellsOf(options)),
+        camera_(scene, options.width, options.height),
+        max_depth_(options.rules == TraceRules::kSpd ? 4 : options.max_depth),
+        workers_(options.threads),
+        band_(std::min(options.band_rays, workers_.threads() * uint32_t{8 * Workers::kChunk})),
+        first_(scene, tree, options, workers_),
+        rest_(secondary == nullptr ? first_
+                                   : coarse_.emplace(secondary->scene, secondary->tree, options, workers_)),
+        film_(options.width, options.height, options.sampling) {}
 
   TraceResult Run() {
     const uint32_t per_cell = sampling_.PixelSamples();
@@ -198,7 +210,7 @@ class Wavefront {
       TracePass(cells_.size() * per_cell, sample, 0, 1, [&](uint64_t begin) { AddToFilm(begin, sample, 1); });
     }
     std::erase_if(result_.ray_sets, [](const RaySet& set) { return set.rays.empty(); });
-    for (RaySet& set : result_.ray_sets) Freeze(set, scene_.bounds());
+    for (RaySet& set : result_.ray_sets) Freeze(set, first_.scene.bounds());
     result_.image = film_.Develop();
     return std::move(result_);
   }
@@ -341,25 +353,26 @@ class Wavefront {
         const Vec2f offset = SampleOffset(sampling_, x, y, index);
         level_.paths[i] = {{1, 1, 1}, uint32_t(i), kReflection, uint32_t(i) & 0x7FFFFFFFu};
         level_.batches[kReflection].rays[i] =
-            camera_.Through(x + double(offset.u), y + double(offset.v), shader_.tnear());
+            camera_.Through(x + double(offset.u), y + double(offset.v), first_.shader.tnear());
       }
     });
   }
 
   void TraceLevel(uint32_t depth) {
     if (options_.capture && result_.ray_sets.size() <= ShadowSetIndex(depth)) AddSetsOf(depth);
+    World& met = depth == 0 ? first_ : rest_;
     for (uint32_t kind = 0; kind < kRayKinds; ++kind) {
       const Batch& batch = level_.batches[kind];
-      FindHits(workers_, tree_, batch, hits_[kind]);
-      if (shader_.has_holes())
-        walk_.Run(batch, hits_[kind], [&](size_t, const rb_hit& hit) { return shader_.IsHole(hit); });
+      FindHits(workers_, met.tree, batch, hits_[kind]);
+      if (met.shader.has_holes())
+        met.walk.Run(batch, hits_[kind], [&](size_t, const rb_hit& hit) { return met.shader.IsHole(hit); });
     }
     (depth == 0 ? result_.camera_rays : result_.reflection_rays) += level_.batches[kReflection].rays.size();
     result_.refraction_rays += level_.batches[kRefraction].rays.size();
 
     const size_t chunks = Workers::ChunkCount(level_.paths.size());
     if (outputs_.size() < chunks) outputs_.resize(chunks);
-    Shade(depth >= max_depth_);
+    Shade(met, depth >= max_depth_);
     for (size_t chunk = 0; chunk < chunks; ++chunk) {
       (depth == 0 ? result_.camera_hits : result_.reflection_hits) += outputs_[chunk].hits[kReflection];
       result_.refraction_hits += outputs_[chunk].hits[kRefraction];
@@ -369,10 +382,10 @@ class Wavefront {
     CountWave(depth, chunks);
     for (uint32_t kind = 0; kind < kRayKinds; ++kind)
       Capture(SetIndex(depth, RayKind(kind)), level_.batches[kind].rays);
-    if (shader_.gathers() || options_.capture)
+    if (rest_.shader.gathers() || options_.capture)
       ConcatenateBatches(
           workers_, chunks, shadow_, [&](size_t i) -> auto& { return outputs_[i].shadow; });
-    if (shader_.gathers()) {
+    if (rest_.shader.gathers()) {
       const uint64_t before = result_.shadow_blocked;
       GatherLight(chunks);
       result_.waves[depth].blocked += result_.shadow_blocked - before;
@@ -393,7 +406,7 @@ class Wavefront {
     }
   }
 
-  void Shade(bool last) {
+  void Shade(const World& met, bool last) {
     colors_.resize(level_.paths.size());
     workers_.ForChunks(level_.paths.size(), [&](size_t chunk, size_t begin, size_t end) {
       ShadeOutput& out = outputs_[chunk];
@@ -402,21 +415,30 @@ class Wavefront {
         const Path& path = level_.paths[i];
         const rb_ray& ray = level_.batches[path.kind].rays[path.ray];
         const rb_hit& hit = hits_[path.kind][path.ray];
-        const bool is_hit = IsHit(scene_, tree_, hit);
+        const bool is_hit = IsHit(met.scene, met.tree, hit);
         out.hits[path.kind] += is_hit;
-        colors_[i] = is_hit ? shader_.Shade(path, uint32_t(i), ray, hit, last, out)
-                            : path.weight * shader_.Background(ray);
+        colors_[i] = is_hit ? met.shader.Shade(path, uint32_t(i), ray, hit, last, out)
+                            : path.weight * first_.shader.Background(ray);
       }
-      if (!shader_.gathers()) AddUnblocked(out);
+      if (!rest_.shader.gathers()) AddUnblocked(out);
     });
   }
 
-  /// Asks for the first blockers of a chunk's shadow rays, while caches hold them, and adds what is lit.
+  /// Asks for blockers of a chunk's shadow rays, while caches hold them, and adds what is lit.
   void AddUnblocked(ShadeOutput& out) {
-    out.occluded.resize(out.shadow.rays.size());
-    rb_query query = MakeQuery(RB_ANY, out.shadow);
-    query.occluded = out.occluded.data();
-    tree_.Query(query);
+    const size_t n = out.shadow.rays.size();
+    out.occluded.resize(n);
+    if (options_.shadows == ShadowQuery::kAny) {
+      rb_query query = MakeQuery(RB_ANY, out.shadow);
+      query.occluded = out.occluded.data();
+      rest_.tree.Query(query);
+    } else {
+      out.blockers.resize(n);
+      rb_query query = MakeQuery(RB_CLOSEST, out.shadow);
+      query.hits = out.blockers.data();
+      rest_.tree.Query(query);
+      for (size_t i = 0; i < n; ++i) out.occluded[i] = out.blockers[i].prim != RAYBENCH_NONE;
+    }
     for (size_t i = 0; i < out.lit.size(); ++i) {
       const auto& [color, path] = out.lit[i];
       if (out.occluded[i]) {
@@ -429,10 +451,10 @@ class Wavefront {
 
   /// Finds what each shadow ray lets through of its light, and adds that.
   void GatherLight(size_t chunks) {
-    FindHits(workers_, tree_, shadow_, shadow_hits_);
+    FindHits(workers_, rest_.tree, shadow_, shadow_hits_);
     visible_.assign(shadow_.rays.size(), Vec3f{1, 1, 1});
-    result_.shadow_resumed += walk_.Run(shadow_, shadow_hits_, [&](size_t i, const rb_hit& hit) {
-      visible_[i] = visible_[i] * shader_.Transmittance(hit);
+    result_.shadow_resumed += rest_.walk.Run(shadow_, shadow_hits_, [&](size_t i, const rb_hit& hit) {
+      visible_[i] = visible_[i] * rest_.shader.Transmittance(hit);
       return !IsBlack(visible_[i]);
     });
     size_t ray = 0;
@@ -482,17 +504,16 @@ class Wavefront {
         });
   }
 
-  const Scene& scene_;
-  const Tree& tree_;
   const TraceOptions& options_;
   const Sampling& sampling_;
   const TiledCells cells_;
   const CameraRays camera_;
-  const Shader shader_;
   const uint32_t max_depth_;
   Workers workers_;
   const uint32_t band_;  // so many samples that all threads have work, and so few that caches hold it
-  Walk walk_;
+  World first_;          // what camera rays meet
+  std::optional<World> coarse_;
+  World& rest_;  // what all others meet
   Film film_;
   TraceResult result_;
 
@@ -516,7 +537,8 @@ void CheckPictureSize(uint64_t width, uint64_t height) {
 
 }  // namespace
 
-TraceResult Trace(const Scene& scene, const Tree& tree, const TraceOptions& options) {
+TraceResult Trace(const Scene& scene, const Tree& tree, const TraceOptions& options,
+                  const SecondaryScene* secondary) {
   CheckPictureSize(options.width, options.height);
   if (options.band_rays == 0 || options.band_rays > 0x7FFFFFFFu)
     throw InputError("band_rays = " + std::to_string(options.band_rays) + ": must lie in [1, 2^31)");
@@ -529,7 +551,17 @@ TraceResult Trace(const Scene& scene, const Tree& tree, const TraceOptions& opti
   };
   check("self_intersection_size", options.self_intersection_size);
   check("min_contribution", options.min_contribution);
-  return Wavefront(scene, tree, options).Run();
+  if (secondary != nullptr && secondary->scene.scale_exponent != scene.scale_exponent)
+    throw InputError(
+        "the secondary scene '" + secondary->scene.name +
+        "' is so much larger or smaller that its coordinates are scaled by another power of two");
+  return Wavefront(scene, tree, options, secondary).Run();
+}
+
+void TakeLights(const Scene& scene, Scene& secondary) {
+  secondary.lights = scene.lights;
+  secondary.ambient = scene.ambient;
+  secondary.environment = -1;  // rays that miss look up the scene's own
 }
 
 void PixelRays(const Scene& scene, uint32_t width, uint32_t height, uint64_t first, std::span<rb_ray> rays,

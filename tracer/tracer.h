@@ -45,6 +45,12 @@ enum class TraceRules : uint8_t {
 
 enum class FresnelMode : uint8_t { kMaterial, kOff, kOn };
 
+/// What shadow rays ask where nothing lets light through; elsewhere they follow all that they pass.
+enum class ShadowQuery : uint8_t {
+  kAny,      ///< whether anything is in the way (RB_ANY)
+  kClosest,  ///< what is nearest (RB_CLOSEST): the same picture, and what stopping early saves
+};
+
 struct TraceOptions {
   uint32_t width = 512, height = 512;
   Sampling sampling = {};
@@ -52,6 +58,7 @@ struct TraceOptions {
   SelfIntersection self_intersection = SelfIntersection::kErrorBound;
   float self_intersection_size = 1e-4f;  ///< in the units of the scene's file
   FresnelMode fresnel = FresnelMode::kMaterial;
+  ShadowQuery shadows = ShadowQuery::kAny;
   /// Paths whose weight is below this in every channel end; 0: none does.
   float min_contribution = 0;
   uint32_t max_depth = 4;  ///< reflections and refractions in a row; 0: camera and shadow rays only
@@ -83,9 +90,24 @@ struct TraceResult {
   std::vector<WaveCounts> waves;  ///< one for each depth that had rays
 };
 
+/// What all rays but those of the camera meet instead of the scene: a level of detail of it, by its own materials under
+/// the scene's lights and surroundings. The idea is in Tabellion and Lamorlette 2004 ("An approximate global illumination
+/// system for computer generated films"), and in Yoon, Lauterbach, Manocha 2006 ("R-LODs").
+/// A hit of a camera ray may lie behind the coarser surface, and is then in its shadow: only an offset (`TraceOptions::
+/// self_intersection`) as long as the surfaces are apart surely prevents that.
+struct SecondaryScene {
+  const Scene& scene;
+  const Tree& tree;
+};
+
 /// Renders the scene with its first camera. Throws InputError on options out of range, textures that cannot
-/// be read, and structures that cannot go on behind a hit, or skip, where that is needed.
-TraceResult Trace(const Scene& scene, const Tree& tree, const TraceOptions& options);
+/// be read, structures that cannot go on behind a hit, or skip, where that is needed, and a `secondary` scene whose
+/// scale_exponent is another one.
+TraceResult Trace(const Scene& scene, const Tree& tree, const TraceOptions& options,
+                  const SecondaryScene* secondary = nullptr);
+
+/// Gives a secondary scene what is not geometry and has to be that of `scene`: lights, ambient light, no environment.
+void TakeLights(const Scene& scene, Scene& secondary);
 
 /// The camera rays of the pixels from `first` on, row by row from the top: the very rays of the same picture
 /// by Trace(), which walks them in tiles. Invalid ones are InvalidRayStandIn(). `threads` as in TraceOptions.

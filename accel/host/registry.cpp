@@ -8,6 +8,7 @@
 #include <filesystem>
 
 #include "accel/host/builtin.h"
+#include "accel/host/compatible.h"
 #include "accel/host/names.h"
 
 namespace raybench {
@@ -163,8 +164,11 @@ std::string Contestant::Params() const {
 Contestant ParseContestant(const Registry& registry, std::string_view text) {
   Spec spec = ParseSpec(text);
   const rb_structure& structure = registry.Find(spec.name);
-  return {&structure, Configure(structure.name, {structure.params, structure.param_count},
-                                structure.config_size, spec.values)};
+  Contestant contestant = {&structure, Configure(structure.name, {structure.params, structure.param_count},
+                                                 structure.config_size, spec.values)};
+  if (const std::string why = WhyIncompatible(structure, contestant.config.data()); !why.empty())
+    throw InputError(fmt::format("{}: {}", contestant.Spec(), why));
+  return contestant;
 }
 
 Tree::Tree(const Contestant& contestant, const rb_geometry& geometry, const rb_build_options& options)

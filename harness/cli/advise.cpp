@@ -4,6 +4,7 @@
 
 #include "harness/cli/commands.h"
 #include "harness/results/python.h"
+#include "harness/results/report_words.h"
 #include "harness/trials/mix.h"
 
 namespace raybench {
@@ -12,7 +13,8 @@ namespace {
 struct AdviseOptions {
   std::string scene, mix = "picture", out;
   std::vector<std::string> also;
-  uint64_t rays = 1000000, memory = 0, frames = 0, seed = 1;
+  uint64_t rays = 1000000, seed = 1;
+  std::optional<uint64_t> memory, frames;
   double max_error = 0, seconds = 30;
   bool json = false, no_offset = false;
 };
@@ -74,25 +76,23 @@ void AddAdviseOptions(CLI::App& command, AdviseOptions& options) {
 
 int Advise(const AdviseOptions& options, const Registry& registry, const Invocation& invocation) {
   ParseMix(options.mix);
-  std::vector<std::string> words = {"advise",
-                                    "--program=" + ThisProgram(),
-                                    "--mix=" + options.mix,
-                                    fmt::format("--rays={}", options.rays),
-                                    fmt::format("--max-error={}", options.max_error),
-                                    fmt::format("--seconds={}", options.seconds),
-                                    fmt::format("--seed={}", options.seed)};
-  for (const std::string& plugin : invocation.plugins) words.push_back("--plugin=" + plugin);
-  for (const std::string& spec : options.also) {
-    ParseContestant(registry, spec);
-    words.push_back("--also=" + spec);
-  }
-  if (options.memory != 0) words.push_back(fmt::format("--memory={}", options.memory));
-  if (options.frames != 0) words.push_back(fmt::format("--rebuild-every={}", options.frames));
-  if (!options.out.empty()) words.push_back("--out=" + options.out);
-  if (options.json) words.push_back("--json");
-  if (options.no_offset) words.push_back("--no-offset");
-  words.insert(words.end(), {"--", options.scene});
-  return Reports().Run(words);
+  for (const std::string& spec : options.also) ParseContestant(registry, spec);
+  ReportWords words("advise");
+  words.Option("--program", ThisProgram());
+  words.Option("--plugin", invocation.plugins);
+  words.Option("--mix", options.mix);
+  words.Option("--rays", options.rays);
+  words.Option("--max-error", options.max_error);
+  words.Option("--seconds", options.seconds);
+  words.Option("--seed", options.seed);
+  words.Option("--also", options.also);
+  words.Option("--memory", options.memory);
+  words.Option("--rebuild-every", options.frames);
+  words.Option("--out", options.out);
+  words.Option("--json", options.json);
+  words.Option("--no-offset", options.no_offset);
+  words.Operands({options.scene});
+  return Reports().Run(words.all());
 }
 
 void AddAdviseCommand(CLI::App& app, Invocation& invocation) {

@@ -38,6 +38,7 @@ constexpr Choice<SelfIntersection> kCures[] = {{"error-bound", SelfIntersection:
                                                {"skip", SelfIntersection::kSkip}};
 constexpr Choice<FresnelMode> kFresnelModes[] = {
     {"material", FresnelMode::kMaterial}, {"on", FresnelMode::kOn}, {"off", FresnelMode::kOff}};
+constexpr Choice<ShadowQuery> kShadows[] = {{"any", ShadowQuery::kAny}, {"closest", ShadowQuery::kClosest}};
 constexpr Choice<TraceRules> kRules[] = {{"whitted", TraceRules::kWhitted}, {"spd", TraceRules::kSpd}};
 
 /// Formats that a map of the surroundings comes in, by ending.
@@ -136,6 +137,10 @@ std::vector<CLI::Option*> AddPictureOptions(CLI::App& command, PictureOptions& o
                              "the material asks for them)",
                              Names(kFresnelModes)),
                  "MODE"),
+          choice("--shadows", options.shadows,
+                 "What shadow rays ask where nothing lets light through: is anything in the way (any), or "
+                 "what is nearest (closest): the same picture in more time; default any",
+                 "QUERY"),
           choice("--min-contribution", options.min_contribution,
                  "End paths that add less than this to a pixel; 0 to 1, default 0: end none", "X")
               ->transform(RealNumber(0, 1)),
@@ -193,6 +198,7 @@ void SetTraceOptions(const PictureOptions& options, TraceOptions& trace) {
     trace.self_intersection_size = size;
   }
   if (options.fresnel) trace.fresnel = Chosen("--fresnel", *options.fresnel, kFresnelModes);
+  if (options.shadows) trace.shadows = Chosen("--shadows", *options.shadows, kShadows);
   trace.min_contribution = options.min_contribution.value_or(0);
 }
 
@@ -213,6 +219,7 @@ uint64_t BuildNeedsOf(const Scene& scene, const TraceOptions& trace, const rb_st
   uint64_t needs = (trace.all_needs ? AllNeedsOf(scene) : NeedsOf(scene)).BuildNeeds();
   // By these rules everything blocks light.
   if (trace.rules == TraceRules::kSpd) needs = (needs & RB_NEED_UV) | RB_NEED_ANY;
+  if (trace.shadows == ShadowQuery::kClosest) needs &= ~uint64_t{RB_NEED_ANY};
   if (trace.self_intersection == SelfIntersection::kSkip) needs |= RB_NEED_SKIP;
   if ((needs & RB_NEED_SKIP) != 0 && (structure.capabilities & RB_CAN_SKIP) == 0)
     throw InputError(

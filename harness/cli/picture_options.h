@@ -15,7 +15,7 @@ namespace raybench {
 /// As typed; an option that was not given has no value.
 struct PictureOptions {
   std::optional<uint32_t> samples;
-  std::optional<std::string> pattern, filter, self_intersection, fresnel, background, environment;
+  std::optional<std::string> pattern, filter, self_intersection, fresnel, shadows, background, environment;
   std::optional<float> adaptive, self_intersection_size, min_contribution;
   std::string rules = "whitted", needs = "scene";
   uint64_t sampling_seed = 1;

@@ -29,7 +29,7 @@ namespace fs = std::filesystem;
 namespace {
 
 struct RenderOptions {
-  std::string scene, structure = "bvh_sah", out, size, json;
+  std::string scene, structure = "bvh_sah", out, size, json, secondary;
   uint32_t width = 512, height = 512, depth = 4, threads = 0;
   uint64_t seed = 1;
   bool drop_bad = false;
@@ -88,29 +88,75 @@ void PrintWaves(const TraceResult& result) {
   }
 }
 
-/// What --json writes. CPU times are those of all threads.
-Json FactsOf(const RenderOptions& options, const Scene& scene, const Contestant& contestant, const Tree& tree,
-             const Seconds& build, const Seconds& trace, const TraceResult& result) {
+/// A scene and the tree over it.
+struct Built {
+  explicit Built(Scene loaded) : scene(std::move(loaded)), geometry(scene.Geometry()) {}
+
+  Scene scene;
+  rb_geometry geometry;
+  Tree tree;
+  Seconds time;
+};
+
+/// The scene that rays meet, before anything is built. Throws InputError.
+Scene Load(const std::string& name, const RenderOptions& options, const Contestant& contestant,
+           const TraceOptions& trace) {
+  LoadOptions load;
+  load.seed = options.seed;
+  load.drop_bad = options.drop_bad;
+  load.keep_unread = trace.all_needs;
+  Scene scene = LoadWithProgress(name, load);
+  if (scene.primitive_count() == 0) throw InputError(fmt::format("scene '{}' has no primitives", name));
+  for (const std::string& note : scene.stats.notes) fmt::print("{}: {}\n", name, note);
+  if (options.heat) return scene;
+  if (const std::string why = WhyNotTaken(*contestant.structure, scene); !why.empty())
+    throw InputError(fmt::format("structure '{}', scene '{}': {}", contestant.structure->name, name, why));
+  return scene;
+}
+
+/// `more`: RB_NEED_* that another scene's rays ask of this tree.
+void Build(Built& built, const RenderOptions& options, const Contestant& contestant,
+           const TraceOptions& trace, uint64_t more = 0) {
+  const uint64_t needs = BuildNeedsOf(built.scene, trace, *contestant.structure) | more;
+  const rb_build_options build = BuildOptions(options.threads, options.seed, needs);
+  const Stopwatch watch(true);
+  built.tree = Tree(contestant, built.geometry, build);
+  built.time = watch.Elapsed();
+}
+
+/// Of one scene and its tree.
+Json FactsOf(const Built& built) {
   uint64_t node_bytes = 0, prim_bytes = 0;
   int needs_geometry = 0;
-  contestant.structure->memory(tree.get(), &node_bytes, &prim_bytes, &needs_geometry);
-  return {{"scene", options.scene},
-          {"primitives", scene.primitive_count()},
-          {"structure", contestant.Spec()},
-          {"width", options.width},
-          {"height", options.height},
-          {"build_seconds", build.wall},
-          {"build_cpu_seconds", build.cpu},
-          {"seconds", trace.wall},
-          {"cpu_seconds", trace.cpu},
-          {"scene_bytes", BytesOf(scene)},
+  built.tree.structure().memory(built.tree.get(), &node_bytes, &prim_bytes, &needs_geometry);
+  return {{"primitives", built.scene.primitive_count()},
+          {"build_seconds", built.time.wall},
+          {"build_cpu_seconds", built.time.cpu},
+          {"scene_bytes", BytesOf(built.scene)},
           {"node_bytes", node_bytes},
-          {"prim_bytes", prim_bytes},
-          {"rays",
-           {{"camera", result.camera_rays},
-            {"shadow", result.shadow_rays},
-            {"reflection", result.reflection_rays},
-            {"refraction", result.refraction_rays}}}};
+          {"prim_bytes", prim_bytes}};
+}
+
+/// What --json writes. CPU times are those of all threads.
+Json FactsOf(const RenderOptions& options, const Contestant& contestant, const Built& built,
+             const std::optional<Built>& secondary, const Seconds& trace, const TraceResult& result) {
+  Json facts = FactsOf(built);
+  facts.update({{"scene", options.scene},
+                {"structure", contestant.Spec()},
+                {"width", options.width},
+                {"height", options.height},
+                {"seconds", trace.wall},
+                {"cpu_seconds", trace.cpu},
+                {"rays",
+                 {{"camera", result.camera_rays},
+                  {"shadow", result.shadow_rays},
+                  {"reflection", result.reflection_rays},
+                  {"refraction", result.refraction_rays}}}});
+  if (secondary) {
+    facts["secondary"] = FactsOf(*secondary);
+    facts["secondary"]["scene"] = options.secondary;
+  }
+  return facts;
 }
 
 int RenderCommand(const Registry& registry, const RenderOptions& options) {
@@ -124,27 +170,20 @@ int RenderCommand(const Registry& registry, const RenderOptions& options) {
   trace.max_depth = options.depth;
   trace.threads = options.threads;
   SetTraceOptions(options.picture, trace);
-  LoadOptions load;
-  load.seed = options.seed;
-  load.drop_bad = options.drop_bad;
-  load.keep_unread = trace.all_needs;
-  Scene scene = LoadWithProgress(options.scene, load);
-  if (scene.primitive_count() == 0)
-    throw InputError(fmt::format("scene '{}' has no primitives", options.scene));
-  for (const std::string& note : scene.stats.notes) fmt::print("{}: {}\n", options.scene, note);
-  if (heat) return RenderHeat(registry, scene, *heat);
-  if (const std::string why = WhyNotTaken(*contestant.structure, scene); !why.empty())
-    throw InputError(
-        fmt::format("structure '{}', scene '{}': {}", contestant.structure->name, options.scene, why));
-  SetBackground(options.picture, scene);
   const bool on_device = options.waves == "device";
-  if (on_device) RequireDeviceWaves(registry, contestant, scene, trace);
-  const rb_build_options build =
-      BuildOptions(options.threads, options.seed, BuildNeedsOf(scene, trace, *contestant.structure));
-  const rb_geometry geometry = scene.Geometry();
-  const Stopwatch build_watch(true);
-  const Tree tree(contestant, geometry, build);
-  const Seconds build_time = build_watch.Elapsed();
+  if (on_device && !options.secondary.empty())
+    throw InputError("--waves device: it traces one scene; leave out --secondary-scene");
+  Built built(Load(options.scene, options, contestant, trace));
+  if (heat) return RenderHeat(registry, built.scene, *heat);
+  SetBackground(options.picture, built.scene);
+  std::optional<Built> secondary;
+  if (!options.secondary.empty()) {
+    secondary.emplace(Load(options.secondary, options, contestant, trace));
+    TakeLights(built.scene, secondary->scene);
+  }
+  if (on_device) RequireDeviceWaves(registry, contestant, built.scene, trace);
+  Build(built, options, contestant, trace);
+  if (secondary) Build(*secondary, options, contestant, trace, RB_NEED_ANY);
   Progress progress;
   trace.progress = [&](double fraction) {
     ThrowIfInterrupted();
@@ -153,9 +192,12 @@ int RenderCommand(const Registry& registry, const RenderOptions& options) {
   const Stopwatch trace_watch(true);
   DevicePicture drawn;
   if (on_device) {
-    drawn = TraceOnDevice(registry, scene, tree, trace);
+    drawn = TraceOnDevice(registry, built.scene, built.tree, trace);
+  } else if (secondary) {
+    const SecondaryScene coarse{secondary->scene, secondary->tree};
+    drawn.result = Trace(built.scene, built.tree, trace, &coarse);
   } else {
-    drawn.result = Trace(scene, tree, trace);
+    drawn.result = Trace(built.scene, built.tree, trace);
   }
   const TraceResult& result = drawn.result;
   const Seconds trace_time = trace_watch.Elapsed();
@@ -163,15 +205,18 @@ int RenderCommand(const Registry& registry, const RenderOptions& options) {
   WriteImage(result.image, options.out, SoftwareName());
   if (!options.json.empty())
     WriteFileAtomically(options.json,
-                        Dump(FactsOf(options, scene, contestant, tree, build_time, trace_time, result)));
+                        Dump(FactsOf(options, contestant, built, secondary, trace_time, result)));
   progress.Clear();
   fmt::print("{}: {} x {}, {} built in {:.3f} s, traced and shaded in {:.3f} s\n", options.out, options.width,
-             options.height, contestant.Spec(), build_time.wall, trace_time.wall);
+             options.height, contestant.Spec(), built.time.wall, trace_time.wall);
+  if (secondary)
+    fmt::print("secondary rays: {}, {} primitives, built in {:.3f} s\n", options.secondary,
+               secondary->scene.primitive_count(), secondary->time.wall);
   if (on_device)
-    fmt::print("by the clock of {}: {:.3f} s for waves, {:.3f} s for copies\n", tree.Device().value().name,
-               drawn.seconds, drawn.copies);
+    fmt::print("by the clock of {}: {:.3f} s for waves, {:.3f} s for copies\n",
+               built.tree.Device().value().name, drawn.seconds, drawn.copies);
   if (!options.waves.empty()) PrintWaves(result);
-  fmt::print("scene: {:.1f} MB\n", double(BytesOf(scene)) * 1e-6);
+  fmt::print("scene: {:.1f} MB\n", double(BytesOf(built.scene)) * 1e-6);
   fmt::print("rays: {} camera, {} shadow, {} reflection, {} refraction\n", result.camera_rays,
              result.shadow_rays, result.reflection_rays, result.refraction_rays);
   if (on_device) return 0;
@@ -209,6 +254,16 @@ void AddRenderCommand(CLI::App& app, Invocation& invocation) {
             ->type_name("N");
         command.add_flag("--drop-bad", render.drop_bad,
                          "Leave out bad triangles instead of refusing the file");
+        CLI::Option* secondary =
+            command
+                .add_option(
+                    "--secondary-scene", render.secondary,
+                    "What all rays but those of the camera meet, a level of detail of SCENE such as "
+                    "\"decimate(bunny,keep=0.1)\". Where it stands in front of what the camera sees, that "
+                    "lies "
+                    "in shadow: --self-intersection normal-offset by their distance (raybench distance) "
+                    "prevents that")
+                ->type_name("SCENE");
         CLI::Option* waves =
             command
                 .add_option(
@@ -232,6 +287,7 @@ void AddRenderCommand(CLI::App& app, Invocation& invocation) {
                 ->check(CLI::IsMember({"steps", "prims", "both"}))
                 ->excludes(structure)
                 ->excludes(waves)
+                ->excludes(secondary)
                 ->excludes(json)
                 ->type_name("KIND");
         command

@@ -3,16 +3,17 @@
 
 #include "harness/cli/commands.h"
 #include "harness/results/python.h"
+#include "harness/results/report_words.h"
 
 namespace raybench {
 namespace {
 
 struct TradeoffOptions {
   std::vector<std::string> scenes;
-  std::string knobs, suite, out, size, structure;
-  double seconds = 0;
-  uint64_t rays = 0, verify_rays = 0, samples = 0, reference = 0;
-  std::optional<uint64_t> seed;
+  std::string suite, out, size;
+  std::optional<std::string> knobs, structure;
+  std::optional<double> seconds;
+  std::optional<uint64_t> rays, verify_rays, samples, reference, seed;
   bool quick = false, list = false, no_report = false;
 };
 
@@ -63,8 +64,9 @@ void AddOptions(CLI::App& command, TradeoffOptions& options) {
       ->type_name("N");
   command
       .add_option("--samples", options.samples,
-                  "Times that each picture is rendered, each in a process of its own; default 7, quick 6; at "
-                  "least 6 have an interval")
+                  "Times that each picture is rendered, each in a process of its own; default 7, quick 6; 6 "
+                  "have an interval and are taken whatever --seconds says. What is undecided gets the "
+                  "seconds that are left")
       ->transform(WholeNumber(1, 1000))
       ->type_name("N");
   command.add_option("--structure", options.structure, "Traces the pictures; default bvh_wide")
@@ -94,43 +96,34 @@ void AddOptions(CLI::App& command, TradeoffOptions& options) {
       "(nothing\nis written).");
 }
 
-int Tradeoff(const TradeoffOptions& options, const std::vector<std::string>& plugins) {
-  std::vector<std::string> words = {"tradeoff"};
-  const auto text = [&](const char* name, const std::string& value) {
-    if (!value.empty()) words.push_back(fmt::format("{}={}", name, value));
-  };
-  const auto number = [&](const char* name, uint64_t value) {
-    if (value != 0) words.push_back(fmt::format("{}={}", name, value));
-  };
-  const auto flag = [&](const char* name, bool set) {
-    if (set) words.push_back(name);
-  };
-  text("--program", ThisProgram());
-  for (const std::string& plugin : plugins) text("--plugin", plugin);
-  text("--knobs", options.knobs);
-  text("--suite", options.suite);
-  text("--size", options.size);
-  text("--structure", options.structure);
-  text("--out", options.out);
-  if (options.seconds > 0) text("--seconds", fmt::format("{}", options.seconds));
-  number("--rays", options.rays);
-  number("--verify-rays", options.verify_rays);
-  number("--reference-samples", options.reference);
-  number("--samples", options.samples);
-  if (options.seed) text("--seed", fmt::format("{}", *options.seed));
-  flag("--quick", options.quick);
-  flag("--list", options.list);
-  flag("--no-report", options.no_report);
-  words.push_back("--");
-  words.insert(words.end(), options.scenes.begin(), options.scenes.end());
-  return Reports().Run(words);
+int Tradeoff(const TradeoffOptions& options, const Registry& registry, const Invocation& invocation) {
+  if (options.structure) ParseContestant(registry, *options.structure);
+  ReportWords words("tradeoff");
+  words.Option("--program", ThisProgram());
+  words.Option("--plugin", invocation.plugins);
+  words.Option("--knobs", options.knobs);
+  words.Option("--suite", options.suite);
+  words.Option("--size", options.size);
+  words.Option("--structure", options.structure);
+  words.Option("--out", options.out);
+  words.Option("--seconds", options.seconds);
+  words.Option("--rays", options.rays);
+  words.Option("--verify-rays", options.verify_rays);
+  words.Option("--reference-samples", options.reference);
+  words.Option("--samples", options.samples);
+  words.Option("--seed", options.seed);
+  words.Option("--quick", options.quick);
+  words.Option("--list", options.list);
+  words.Option("--no-report", options.no_report);
+  words.Operands(options.scenes);
+  return Reports().Run(words.all());
 }
 
 void AddTradeoffCommand(CLI::App& app, Invocation& invocation) {
   AddCommand<TradeoffOptions>(app, invocation, "tradeoff",
                               "What does accuracy cost? Pareto fronts of a scene", AddOptions,
-                              [&invocation](const TradeoffOptions& options, const Registry&) {
-                                return Tradeoff(options, invocation.plugins);
+                              [&invocation](const TradeoffOptions& options, const Registry& registry) {
+                                return Tradeoff(options, registry, invocation);
                               });
 }
 

@@ -4,6 +4,7 @@
 
 #include "harness/cli/commands.h"
 #include "harness/results/python.h"
+#include "harness/results/report_words.h"
 #include "harness/trials/mix.h"
 
 namespace raybench {
@@ -11,8 +12,9 @@ namespace {
 
 struct TuneOptions {
   std::string scene, structure, mix = "picture", objective = "total", out;
-  uint64_t rays = 1000000, evaluations = 0, seed = 1;
-  double seconds = 0;
+  uint64_t rays = 1000000, seed = 1;
+  std::optional<uint64_t> evaluations;
+  std::optional<double> seconds;
 };
 
 void AddTuneOptions(CLI::App& command, TuneOptions& options) {
@@ -72,19 +74,19 @@ void AddTuneOptions(CLI::App& command, TuneOptions& options) {
 int Tune(const TuneOptions& options, const Registry& registry, const Invocation& invocation) {
   ParseContestant(registry, options.structure);  // one line about what is wrong, before a scene is loaded
   ParseMix(options.mix);
-  std::vector<std::string> words = {"tune",
-                                    "--program=" + ThisProgram(),
-                                    "--structure=" + options.structure,
-                                    "--mix=" + options.mix,
-                                    fmt::format("--rays={}", options.rays),
-                                    "--objective=" + options.objective,
-                                    fmt::format("--seed={}", options.seed)};
-  for (const std::string& plugin : invocation.plugins) words.push_back("--plugin=" + plugin);
-  if (options.evaluations != 0) words.push_back(fmt::format("--evaluations={}", options.evaluations));
-  if (options.seconds > 0) words.push_back(fmt::format("--seconds={}", options.seconds));
-  if (!options.out.empty()) words.push_back("--out=" + options.out);
-  words.insert(words.end(), {"--", options.scene});
-  return Reports().Run(words);
+  ReportWords words("tune");
+  words.Option("--program", ThisProgram());
+  words.Option("--plugin", invocation.plugins);
+  words.Option("--structure", options.structure);
+  words.Option("--mix", options.mix);
+  words.Option("--rays", options.rays);
+  words.Option("--objective", options.objective);
+  words.Option("--seed", options.seed);
+  words.Option("--evaluations", options.evaluations);
+  words.Option("--seconds", options.seconds);
+  words.Option("--out", options.out);
+  words.Operands({options.scene});
+  return Reports().Run(words.all());
 }
 
 void AddTuneCommand(CLI::App& app, Invocation& invocation) {

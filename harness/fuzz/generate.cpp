@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "accel/contract/valid_ray.h"
+#include "accel/host/compatible.h"
 #include "accel/host/parameters.h"
 #include "harness/fuzz/lattice.h"
 #include "harness/rays/aim.h"
@@ -507,7 +508,9 @@ Case StandardCase(size_t index, uint64_t seed) {
   return c;
 }
 
-std::string DrawParameters(const rb_structure& structure, Random& random) {
+namespace {
+
+std::vector<std::byte> DrawConfig(const rb_structure& structure, Random& random) {
   std::vector<std::pair<std::string, std::string>> values;
   const std::span params(structure.params, structure.param_count);
   for (const rb_param& p : params) {
@@ -528,8 +531,15 @@ std::string DrawParameters(const rb_structure& structure, Random& random) {
     }
     values.emplace_back(p.name, value);
   }
-  const auto config = Configure(structure.name, params, structure.config_size, values);
-  return FormatSpec(structure.name, params, config.data());
+  return Configure(structure.name, params, structure.config_size, values);
+}
+
+}  // namespace
+
+std::string DrawParameters(const rb_structure& structure, Random& random) {
+  std::vector<std::byte> config = DrawConfig(structure, random);
+  while (!WhyIncompatible(structure, config.data()).empty()) config = DrawConfig(structure, random);
+  return FormatSpec(structure.name, {structure.params, structure.param_count}, config.data());
 }
 
 }  // namespace raybench::fuzz

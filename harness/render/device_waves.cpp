@@ -65,6 +65,7 @@ void RequireDeviceWaves(const Registry& registry, const Contestant& contestant, 
   refuse(options.rules != TraceRules::kWhitted, "it knows the rules whitted only");
   refuse(options.self_intersection != SelfIntersection::kErrorBound,
          "it knows --self-intersection error-bound only");
+  refuse(options.shadows != ShadowQuery::kAny, "it knows --shadows any only");
   refuse(options.all_needs, "it does what the scene needs, not --needs all");
 }
 

@@ -331,20 +331,25 @@ TEST(Study, ProceduralPrimitivesAreHitAsEver) {
     }
 }
 
-TEST(Study, SaysWhatItDoesNotHave) {
-  const Mesh mesh = Ball(1);
+TEST(Study, SaysWhatItDoesNotHaveBeforeAnythingIsBuilt) {
+  const Registry registry;
   const auto refusal = [&](const std::string& spec) -> std::string {
     try {
-      Build(spec, mesh.Geometry());
-    } catch (const std::exception& error) {
+      ParseContestant(registry, spec);
+    } catch (const InputError& error) {
       return error.what();
     }
     return "";
   };
   using ::testing::HasSubstr;
   EXPECT_EQ(refusal("bvh_sah(fma=true)"), "");
-  EXPECT_THAT(refusal("bvh_sah(numerics=exact,fma=true)"), HasSubstr("exact arithmetic has no fused form"));
-  EXPECT_THAT(refusal("brute(triangle=exact,fma=true)"), HasSubstr("exact arithmetic has no fused form"));
+  EXPECT_THAT(refusal("bvh_sah(numerics=exact,fma=true)"), HasSubstr("numerics=exact has no fused form"));
+  EXPECT_EQ(refusal("bvh_sah(numerics=exact,fma=true,triangle=woop)"), "");
+  EXPECT_THAT(refusal("kdtree_sah(numerics=exact,fma=true)"), HasSubstr("numerics=exact has no fused form"));
+  EXPECT_THAT(refusal("brute(triangle=exact,fma=true)"), HasSubstr("triangle=exact has no fused form"));
+  EXPECT_THAT(refusal("grid(resolution_x=4096,resolution_y=4096,resolution_z=256)"),
+              HasSubstr("4294967296 cells are too many"));
+  EXPECT_EQ(refusal("grid(resolution_x=4096,resolution_y=4096,resolution_z=255)"), "");
   EXPECT_THAT(refusal("brute(slab=naive)"), HasSubstr("brute has no parameter 'slab'"));
   EXPECT_THAT(refusal("kdtree_sah(slab=naive)"), HasSubstr("kdtree_sah has no parameter 'slab'"));
   EXPECT_THAT(refusal("grid(triangle=woop)"), HasSubstr("grid has no parameter 'triangle'"));

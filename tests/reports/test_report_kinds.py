@@ -322,6 +322,32 @@ def test_a_history_names_the_commit_of_a_change_and_draws_levels(tmp_path):
     assert "3 runs, fewer than 6, so no change can be told from noise" in short
 
 
+def write_offset(directory, safe=1):
+    directory.mkdir()
+    names = [name for name, *_ in columns.columns_of("offset.csv")]
+    row = dict.fromkeys(names, "") | {
+        "scene": "ball", "primitives": 20, "structure": "bvh_wide", "spec": "bvh_wide", "cure": "skip", "role": "named",
+        "rays": 1000, "self_hits": 1 - safe, "lost": 0, "safe": safe, "ns_per_ray": 300,
+    }  # fmt: skip
+    with open(directory / "offset.csv", "w", newline="") as file:
+        writer = csv.DictWriter(file, names)
+        writer.writeheader()
+        writer.writerow(row)
+    facts = {"format": columns.FORMAT, "advice": "Take skip.", "command_line": ["raybench", "offset", "ball"]}
+    facts |= {"machine": {"cpu": "Abacus 1"}, "rows": [row]}
+    (directory / "offset.json").write_text(json.dumps(facts))
+    return directory
+
+
+@pytest.mark.parametrize(("safe", "says"), [(1, "Each scene has a cure"), (0, "No cure of self-intersection is safe")])
+def test_safe_offsets_with_the_machine_that_the_menu_leads_to(tmp_path, safe, says):
+    folder = write_offset(tmp_path / "offsets", safe)
+    assert main([str(folder)]) == 0
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert says in page and "ball: Take skip." in page
+    assert 'href="#machine">Machine</a>' in page and "Abacus 1" in page and "raybench offset ball" in page
+
+
 def test_folders_of_every_kind_fit_on_one_page(folder, tmp_path):
     run = write_run(tmp_path / "run", full_run())
     others = [

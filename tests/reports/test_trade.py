@@ -369,6 +369,9 @@ def test_advise_says_what_to_take(tmp_path):
         (["advise", TINY, "--seconds", "0"], "from 0.1"),
         (["advise", "no_such_scene"], "unknown scene"),
         (["advise", TINY, "--also", "grid(x=1)"], "has no parameter 'x'"),
+        (["advise", TINY, "--out", "/dev/null/x"], "/dev/null is no folder that can be"),
+        (["tune", TINY, "--structure", "grid", "--out", "/dev/null/x"], "/dev/null is no folder that can be"),
+        (["tune", TINY, "--structure", "bvh_sah(numerics=exact,fma=true)"], "numerics=exact has no fused form"),
     ],
 )
 def test_wrong_input_is_one_line(words, line):

@@ -8,27 +8,17 @@
 // hash of the tree, which has to be the same in all rounds.
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
-#include <cmath>
-#include <ctime>
 #include <limits>
 #include <stdexcept>
 
 #include "accel/base/hash.h"
 #include "accel/base/parallel.h"
-#include "accel/base/random.h"
-#include "accel/host/registry.h"
 #include "datasets/scene/scene.h"
+#include "tests/tools/race.h"
 #include "tests/tools/tool.h"
 
 namespace raybench {
 namespace {
-
-double Seconds(clockid_t clock) {
-  timespec t;
-  clock_gettime(clock, &t);
-  return double(t.tv_sec) + 1e-9 * double(t.tv_nsec);
-}
 
 /// Of all nodes that the structure shows; empty if it shows none.
 std::string HashOf(const Tree& tree) {
@@ -45,10 +35,8 @@ std::string HashOf(const Tree& tree) {
   return hash.Hex();
 }
 
-struct Options {
-  std::vector<std::string> structures, scenes, plugins;
+struct Options : RaceOptions {
   std::vector<uint32_t> threads{1};
-  int rounds = 5;
   bool hash = true;
 };
 
@@ -58,8 +46,7 @@ struct Best {
 
 class Race {
  public:
-  explicit Race(const Options& options) : options_(options) {
-    for (const std::string& plugin : options.plugins) registry_.LoadPlugin(plugin);
+  explicit Race(const Options& options) : options_(options), registry_(WithPlugins(options.plugins)) {
     for (const std::string& spec : options.structures) all_.push_back(ParseContestant(registry_, spec));
     speeds_.resize(all_.size());
     scaling_.resize(all_.size() * options.threads.size());
@@ -72,11 +59,9 @@ class Race {
     const size_t counts = options_.threads.size();
     std::vector<Best> best(all_.size() * counts);
     std::vector<std::string> hashes(all_.size());
-    std::vector<size_t> order(best.size());
-    for (size_t i = 0; i < order.size(); ++i) order[i] = i;
+    Turns turns(best.size());
     for (int round = 0; round < options_.rounds; ++round) {
-      for (size_t i = order.size(); i-- > 1;) std::swap(order[i], order[random_.Below(i + 1)]);
-      for (const size_t i : order) {
+      for (const size_t i : turns.Next(random_)) {
         const std::string hash = Build(geometry, i / counts, options_.threads[i % counts], best[i]);
         std::string& known = hashes[i / counts];
         if (!known.empty() && hash != known)
@@ -102,10 +87,10 @@ class Race {
   void Summary() const {
     fmt::print("geometric means\n");
     for (size_t k = 0; k < all_.size(); ++k) {
-      fmt::print("  {:34} {:18.3f}", options_.structures[k], Mean(speeds_[k]));
+      fmt::print("  {:34} {:18.3f}", options_.structures[k], GeometricMean(speeds_[k]));
       for (size_t t = 1; t < options_.threads.size(); ++t)
         fmt::print("  {} threads x{:.2f}", options_.threads[t],
-                   Mean(scaling_[k * options_.threads.size() + t]));
+                   GeometricMean(scaling_[k * options_.threads.size() + t]));
       fmt::print("\n");
     }
   }
@@ -122,12 +107,6 @@ class Race {
     return options_.hash ? HashOf(tree) : "";
   }
 
-  static double Mean(const std::vector<double>& cells) {
-    double sum = 0;
-    for (const double x : cells) sum += std::log(x);
-    return std::exp(sum / double(cells.size()));
-  }
-
   Options options_;
   Registry registry_;
   Random random_{7};
@@ -137,19 +116,12 @@ class Race {
 };
 
 int Main(int argc, char** argv) {
-  Options options;
+  Options options{RaceOptions(5)};
   CLI::App app("Build times of structures, interleaved");
-  app.add_option("scenes", options.scenes)->required();
-  app.add_option("--structures", options.structures, "the first is the unit")->required();
-  app.add_option("--plugin", options.plugins, "shared libraries with structures");
+  options.AddTo(app);
   app.add_option("--threads", options.threads, "numbers of threads; the first is compared with the others");
-  app.add_option("--rounds", options.rounds);
   app.add_flag("!--no-hash", options.hash, "do not compare the trees of the rounds");
-  CLI11_PARSE(app, argc, argv);
-  Race race(options);
-  for (const std::string& scene : options.scenes) race.Scene(scene);
-  race.Summary();
-  return 0;
+  return RunRace<Race>(app, options, argc, argv);
 }
 
 }  // namespace

@@ -7,35 +7,26 @@
 // means. `--same NAME` also counts answers that differ from that structure's in a bit of t or in the primitive.
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
-#include <cmath>
-#include <ctime>
 #include <map>
 
-#include "accel/base/random.h"
 #include "harness/rays/ray_sets.h"
+#include "tests/tools/race.h"
 #include "tests/tools/tool.h"
 
 namespace raybench {
 namespace {
-
-double Seconds(clockid_t clock) {
-  timespec t;
-  clock_gettime(clock, &t);
-  return double(t.tv_sec) + 1e-9 * double(t.tv_nsec);
-}
 
 double Median(std::vector<double> v) {
   std::nth_element(v.begin(), v.begin() + long(v.size() / 2), v.end());
   return v[v.size() / 2];
 }
 
-struct Options {
-  std::vector<std::string> structures, scenes, plugins, sets;
-  std::string same;
+struct Options : RaceOptions {
+  std::vector<std::string> sets{};
+  std::string same{};
   uint64_t rays = 1 << 16;
-  int rounds = 9, builds = 1;
+  int builds = 1;
 };
 
 struct Contender {
@@ -58,9 +49,7 @@ size_t Differences(const Contender& a, const Contender& b, uint32_t kind) {
 
 class Race {
  public:
-  explicit Race(const Options& options) : options_(options) {
-    for (const std::string& plugin : options.plugins) registry_.LoadPlugin(plugin);
-  }
+  explicit Race(const Options& options) : options_(options), registry_(WithPlugins(options.plugins)) {}
 
   void Scene(const std::string& name) {
     const class Scene scene = LoadScene(name);
@@ -78,11 +67,7 @@ class Race {
     fmt::print("geometric means\n");
     for (const auto& [label, cells] : cells_) {
       fmt::print("  {:24}", label);
-      for (const std::vector<double>& c : cells) {
-        double sum = 0;
-        for (const double x : c) sum += std::log(x);
-        fmt::print(" {:8.3f}", std::exp(sum / double(c.size())));
-      }
+      for (const std::vector<double>& c : cells) fmt::print(" {:8.3f}", GeometricMean(c));
       fmt::print("\n");
     }
   }
@@ -129,13 +114,11 @@ class Race {
       c.tree.Query(query);
       return Seconds(CLOCK_THREAD_CPUTIME_ID) - start;
     };
-    std::vector<size_t> order(all.size());
-    for (size_t k = 0; k < order.size(); ++k) order[k] = k;
+    Turns turns(all.size());
     std::vector<std::vector<double>> ratios(all.size());
     std::vector<double> times(all.size()), base;
     for (int round = -1; round < options_.rounds; ++round) {  // the first one warms up
-      for (size_t k = order.size(); k-- > 1;) std::swap(order[k], order[random_.Below(k + 1)]);
-      for (const size_t k : order) times[k] = ask(all[k]);
+      for (const size_t k : turns.Next(random_)) times[k] = ask(all[k]);
       if (round < 0) continue;
       base.push_back(times[0]);
       for (size_t k = 0; k < all.size(); ++k) ratios[k].push_back(times[0] / times[k]);
@@ -169,21 +152,14 @@ class Race {
 };
 
 int Main(int argc, char** argv) {
-  Options options;
+  Options options{RaceOptions(9)};
   CLI::App app("Speeds of structures in units of the first one's, interleaved, one thread");
-  app.add_option("scenes", options.scenes)->required();
-  app.add_option("--structures", options.structures, "the first is the unit")->required();
-  app.add_option("--plugin", options.plugins, "shared libraries with structures");
+  options.AddTo(app);
   app.add_option("--sets", options.sets, "ray sets, all by default");
   app.add_option("--rays", options.rays, "of a set");
-  app.add_option("--rounds", options.rounds);
   app.add_option("--builds", options.builds);
   app.add_option("--same", options.same, "count answers that differ from this structure's");
-  CLI11_PARSE(app, argc, argv);
-  Race race(options);
-  for (const std::string& scene : options.scenes) race.Scene(scene);
-  race.Summary();
-  return 0;
+  return RunRace<Race>(app, options, argc, argv);
 }
 
 }  // namespace

@@ -1,12 +1,11 @@
 """Folders of `raybench offset`."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
 
-from ..results import read_table
+from ..results import read_info, read_table
 from . import BAD, GOOD, Kind, Section, Table
 
 
@@ -16,14 +15,14 @@ class Offset:
 
     directory: Path
     rows: pd.DataFrame
-    advice: str
+    info: dict
     shown: str = ""
 
 
 def read(directory):
     """The folder's tables."""
-    facts = json.loads((directory / "offset.json").read_text(encoding="utf-8"))
-    return Offset(directory, read_table(directory / "offset.csv"), facts["advice"])
+    info = read_info(directory / "offset.json")
+    return Offset(directory, read_table(directory / "offset.csv"), {k: v for k, v in info.items() if k != "rows"})
 
 
 def sections(report, folders):
@@ -48,7 +47,7 @@ def sections(report, folders):
             [r.scene, r.spec, r.cure, *ends, offset, r.rays, r.self_hits, r.lost, r.ns_per_ray, "yes" if r.safe else "NO"]
         )
     table = Table("offset_rows", "Cures of self-intersection", heads, listed)
-    says = [f"{folder.rows['scene'].iloc[0]}: {folder.advice}" for folder in folders]
+    says = [f"{folder.rows['scene'].iloc[0]}: {folder.info['advice']}" for folder in folders]
     return [Section("offset", "Rays that leave surfaces: safe offsets", "Offsets", says, [], [table], answer=answer)]
 
 

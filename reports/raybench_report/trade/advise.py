@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ..errors import RunError
 from . import advice, candidates, costs
-from .files import toml, write_file
+from .files import require_folder, toml, write_file
 from .search import Search
 from .trials import Trials, TrialsEnded
 
@@ -19,6 +19,7 @@ OFFSET_RAYS = 16384  # by which `raybench offset` is asked
 def main(argv):
     """Returns the exit code. Throws RunError for wrong input, a budget that nothing fits into included."""
     arguments = _parser().parse_args(argv)
+    require_folder(arguments.out)
     scene = _scene(arguments)
     precision = advice.Precision.of(scene)
     known = {s["name"] for s in json.loads(_call(arguments, "list", "structures", "--json"))}

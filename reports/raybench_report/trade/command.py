@@ -19,6 +19,7 @@ from .. import columns
 from ..decide.pairs import Progress
 from ..results import RunError
 from . import fronts, images, knobs, renders, structures
+from .files import require_folder
 from .program import Program
 
 BROKEN = 1  # exit code: a claim is broken, or what must be exact disagrees
@@ -33,7 +34,7 @@ class Settings:
     seconds: float = 180
     rays: int = 16384
     verify_rays: int = 32768
-    repetitions: int = 9
+    repetitions: int = 21
     size: tuple = (192, 192)
     size_given: bool = False
     samples: int = 7
@@ -82,6 +83,7 @@ def main(argv):
     out = arguments.out or Path("results") / f"tradeoff-{datetime.datetime.now(datetime.UTC):%Y%m%dT%H%M%SZ}"
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise RunError(f"{out}: exists already; name another folder with --out")
+    require_folder(out)
     holder = out.parent / f".{out.name}.{os.getpid()}"
     work = holder / out.name  # the page has its name; moved when all is there
     begin = time.monotonic()
@@ -191,8 +193,8 @@ def _sweep(program, settings, work, say):
     for scene in settings.scenes:
         facts = program.list("scene", scene)
         chosen = knobs.choose(",".join(settings.knobs), known, facts, settings.quick)
-        if any(p.knob == "lod" for p in chosen.points) and not _has_decimate(program):
-            chosen.points = [p for p in chosen.points if p.knob != "lod"]
+        if any(p.knob in knobs.LEVELS for p in chosen.points) and not _has_decimate(program):
+            chosen.points = [p for p in chosen.points if p.knob not in knobs.LEVELS]
             chosen.left_out.append("lod: left out: this raybench has no modifier `decimate`")
         for point in chosen.structures:
             known.full(point.spec)
@@ -201,6 +203,8 @@ def _sweep(program, settings, work, say):
             structures.case_seconds(len(chosen.structures), structures.sets_of(chosen.structures, facts), share)
         renders.check_budget(len(chosen.pictures), share)
         plans.append((scene, facts, chosen, share))
+    if any(plan[2].points for plan in plans):
+        print(_plan(plans, settings), file=sys.stderr)
     rows, notes = [], []
     if images.flip_evaluator is None and any(plan[2].pictures for plan in plans):
         notes.append(
@@ -227,6 +231,17 @@ def _sweep(program, settings, work, say):
     text = [name for name, kind, *_ in columns.columns_of("tradeoff.csv") if kind == "text"]
     table[text] = table[text].fillna("")
     return table, notes
+
+
+def _plan(plans, settings):
+    """One line: how much is measured, and about how long that takes."""
+    structs, pictures = (sum(len(getattr(plan[2], what)) for plan in plans) for what in ("structures", "pictures"))
+    parts = [f"{structs} structures"] * bool(structs) + [f"{pictures} pictures"] * bool(pictures)
+    timing = settings.seconds * len(plans)
+    return (
+        f"raybench: {' and '.join(parts)} to measure; timing takes about {timing:.0f} s (--seconds), building, "
+        f"judging and references as long again, more where a picture takes seconds to load"
+    )
 
 
 def _has_decimate(program):

@@ -5,6 +5,7 @@ import math
 import os
 import tempfile
 
+from ..errors import RunError
 from . import space
 
 
@@ -32,6 +33,15 @@ def _is_number(text):
         return math.isfinite(float(text))
     except ValueError:
         return False
+
+
+def require_folder(path):
+    """Before anything is measured: throws RunError where the folder --out can be neither used nor made."""
+    there = path
+    while there is not None and not there.exists() and there != there.parent:
+        there = there.parent
+    if path is not None and not (there.is_dir() and os.access(there, os.W_OK | os.X_OK)):
+        raise RunError(f"--out {path}: {there} is no folder that can be written to")
 
 
 def write_file(path, content):

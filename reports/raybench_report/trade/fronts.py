@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 
 from .. import columns
+from .knobs import LEVELS
 from .pareto import DOMINATED, FRONT, UNDECIDED, Axis, places
 
 SHOWN = 10  # dominated points in a table of the terminal
@@ -118,8 +119,9 @@ def _of_pictures(scene, here):
         _front("recursion", "Depth of recursion and cut-off", scene, "", error, SECONDS, of("depth", "contribution")),
         _front("samples", "Samples a pixel", scene, "", error, SECONDS, of("samples", "adaptive")),
         _front("filter", "Filters", scene, "", error, SECONDS, of("filter")),
-        _front("lod", "Levels of detail: time", scene, "", error, SECONDS, of("lod")),
-        _front("lod_memory", "Levels of detail: memory", scene, "", error, MEMORY, of("lod")),
+        _front("lod", "Levels of detail: time", scene, "", error, SECONDS, of(*LEVELS)),
+        _front("lod_memory", "Levels of detail: memory", scene, "", error, MEMORY, of(*LEVELS)),
+        _front("shadows", "Shadow rays: any hit or the closest", scene, "", error, SECONDS, of("shadows")),
     ]
 
 
@@ -149,6 +151,8 @@ def sentences(found, scenes=1):
             said.append(_of_arithmetic(front))
         elif front.name == "precision" and front.ray_set == "random":
             said.append(_of_memory(front))
+        elif front.name == "shadows":
+            said.append(_of_shadows(front))
         elif front.name in ("recursion", "samples", "filter", "lod"):
             said.append(_of_picture(front))
         elif front.name.endswith(":memory") and front.ray_set == "random":
@@ -194,6 +198,16 @@ def _of_parameter(front):
     text = (
         f"`{rows['knob'].iloc[0]}`: `{fastest['point']}` is the fastest on random rays, "
         f"{fastest['speed'] / slowest['speed']:.2f} times as fast as `{slowest['point']}`; no answer moves."
+    )
+    return front.scene, text + _dominated(front)
+
+
+def _of_shadows(front):
+    rows = front.rows.sort_values("seconds")
+    fast, slow = rows.iloc[0], rows.iloc[-1]
+    text = (
+        f"Shadow rays that ask for `{fast['point']}` take {fast['seconds'] / slow['seconds']:.2f} of the time of `{slow['point']}`, "
+        "with the same picture to the bit."
     )
     return front.scene, text + _dominated(front)
 

@@ -25,7 +25,9 @@ PICTURES = {  # knob → (what it turns, values, quick ones)
     "samples": ("N x N camera rays a pixel, in each pattern", (1, 2, 3, 4, 6, 8), (1, 2, 4)),
     "adaptive": ("contrast above which a pixel gets all of 4 x 4 samples", (0.3, 0.1, 0.03, 0.01), (0.1, 0.03)),
     "filter": ("filter of 4 x 4 low-discrepancy samples, against the same filter of the reference's", ("box", "tent", "gaussian", "mitchell"), ("box", "mitchell")),
+    "shadows": ("what shadow rays ask: whether anything is in the way, or what is nearest; must be exact", ("any", "closest"), ("any", "closest")),
     "lod": ("share of the triangles that `decimate` leaves", (0.5, 0.25, 0.1, 0.05, 0.02), (0.5, 0.1)),
+    "secondary_lod": ("the same for all rays but those of the camera; also started as far away as the surfaces are apart", (0.5, 0.25, 0.1, 0.05, 0.02), (0.5, 0.1)),
 }  # fmt: skip
 PATTERNS = ("uniform", "jittered", "low-discrepancy")
 STRUCTURES = {
@@ -34,7 +36,7 @@ STRUCTURES = {
     "precision": "bvh_wide: full, 16-bit and 8-bit boxes x width, indexed leaves: must be exact; vertices of 16 and 8 bits: scored",
     "parameters": "sizes of leaves, bins, depth, density, splits; must be exact",
 }
-GROUPS = {"tracer": ("depth", "contribution", "samples", "adaptive", "filter")}
+GROUPS = {"tracer": ("depth", "contribution", "samples", "adaptive", "filter", "shadows")}
 DEFAULT = ("numerics", "tests", "precision", "tracer")
 
 
@@ -44,7 +46,9 @@ class Point:
 
     spec     the structure, of structures
     options  of `raybench render`, of pictures
-    scene    of pictures: the scene as changed by a modifier; None: as it is
+    scene    of pictures: parameters of `decimate`, through which all rays see the scene; None: as it is
+    secondary  the same for all rays but those of the camera
+    moved    whether these start as far from a surface as the scene and that level of detail are apart
     """
 
     knob: str
@@ -53,6 +57,8 @@ class Point:
     spec: str | None = None
     options: tuple = ()
     scene: str | None = None
+    secondary: str | None = None
+    moved: bool = False
 
 
 @dataclass
@@ -109,6 +115,9 @@ def choose(text, structures, scene_facts, quick):
         if knob in STRUCTURES:
             if values is not None:
                 raise RunError(f"--knobs {name}: {knob} takes no values")
+            if knob == "tests" and not scene_facts["triangles"]:
+                chosen.left_out.append("tests: left out: the scene has no triangles")
+                continue
             _add_structures(chosen, knob, structures, scene_facts, quick, knob in _words(text))
         elif knob in PICTURES:
             _add_pictures(chosen, knob, values, scene_facts, quick)
@@ -184,8 +193,11 @@ def _add_pictures(chosen, knob, values, facts, quick):
         if not (needs["reflection_rays"]["needed"] or needs["refraction_rays"]["needed"]):
             chosen.left_out.append(f"{knob}: left out: {needs['reflection_rays']['why']}, so no picture depends on it")
             return
-    if knob == "lod" and facts.get("procedural"):
-        chosen.left_out.append("lod: left out: decimate takes triangles alone")
+    if knob in LEVELS and facts.get("procedural"):
+        chosen.left_out.append(f"{knob}: left out: decimate takes triangles alone")
+        return
+    if knob == "shadows" and (why := _why_shadows_are_one_kind(facts["needs"])):
+        chosen.left_out.append(f"shadows: left out: {why}")
         return
     for value in values:
         if knob == "depth":
@@ -204,17 +216,33 @@ def _add_pictures(chosen, knob, values, facts, quick):
         elif knob == "filter":
             options = ("--samples", 4, "--pattern", "low-discrepancy", "--filter", value)
             chosen.points.append(Point(knob, f"16 {value}", options=options))
-        else:
+        elif knob == "shadows":
+            chosen.points.append(Point(knob, f"{value} hit", True, options=("--shadows", value)))
+        elif knob == "lod":
             chosen.points.append(Point(knob, f"keep {value:g}", scene=f"keep={value:g}"))
+        else:
+            for moved in (False, True):
+                label = f"secondary {value:g}{', moved' if moved else ''}"
+                chosen.points.append(Point(knob, label, secondary=f"keep={value:g}", moved=moved))
 
 
-RANGES = {"depth": (int, 0, 63), "contribution": (float, 0, 1), "samples": (int, 1, 64), "adaptive": (float, 0, 1), "lod": (float, 0, 1)}  # fmt: skip
+def _why_shadows_are_one_kind(needs):
+    """Why all shadow rays ask the same whatever the knob says; None where they do not."""
+    if not needs["shadow_rays"]["needed"]:
+        return f"{needs['shadow_rays']['why']}, so there are no shadow rays"
+    if needs["transmittance"]["needed"]:
+        return f"{needs['transmittance']['why']}, so shadow rays follow all that they pass"
+    return None
+
+
+LEVELS = ("lod", "secondary_lod")
+RANGES = {"depth": (int, 0, 63), "contribution": (float, 0, 1), "samples": (int, 1, 64), "adaptive": (float, 0, 1)} | dict.fromkeys(LEVELS, (float, 0, 1))  # fmt: skip
 
 
 def _checked(knob, texts):
-    if knob == "filter":
+    if knob in ("filter", "shadows"):
         if bad := [t for t in texts if t not in PICTURES[knob][1]]:
-            raise RunError(f"--knobs filter={bad[0]}: allowed: {', '.join(PICTURES[knob][1])}")
+            raise RunError(f"--knobs {knob}={bad[0]}: allowed: {', '.join(PICTURES[knob][1])}")
         return texts
     kind, lo, hi = RANGES[knob]
     found = []

@@ -3,16 +3,20 @@
 import json
 import random
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import pandas as pd
 
 from ..results import RunError
-from . import images
-from .pareto import median_interval
+from . import fronts, images
+from .knobs import LEVELS, Point
+from .pareto import UNDECIDED, median_interval
 from .program import TooSlow
 
-RECURSION, SAMPLING, LOD = ("depth", "contribution"), ("samples", "adaptive", "filter"), ("lod",)
+RECURSION, SAMPLING, SHADOWS = ("depth", "contribution"), ("samples", "adaptive", "filter"), ("shadows",)
 DEEPEST = 64
-FEWEST = 3  # samples, whatever the budget
+FEWEST = 6  # samples, whatever the budget: fewer have no interval, and decide nothing
+MOST = 4  # times the samples wanted, of what stays undecided
 FEWEST_SECONDS = 0.02  # of timing, a picture
 SMALLEST = 48  # pixels a side, however long the reference takes
 
@@ -38,6 +42,7 @@ class Studio:
         self.folder.mkdir(parents=True, exist_ok=True)
         self.size = settings.size
         self.notes = []
+        self._apart = {}
 
     def words(self, options, scene=None, size=None):
         """The words of a render command without its --out."""
@@ -62,6 +67,13 @@ class Studio:
         found = json.loads(facts.read_text(encoding="utf-8"))
         facts.unlink()
         return found, picture
+
+    def apart(self, level):
+        """How far the scene and a level of detail of it are apart (Hausdorff), in the scene's units."""
+        if level not in self._apart:
+            words = ("distance", self.scene, level, "--seed", self.settings.seed, "--json")
+            self._apart[level] = json.loads(self.program.run(*words, phase=f"distance of {level}"))["hausdorff"]
+        return self._apart[level]
 
     # ---- references ----
 
@@ -124,7 +136,7 @@ def measure(program, scene, points, settings, seconds, work, say):
     """(rows of tradeoff.csv, notes) of all picture points."""
     check_budget(len(points), seconds)
     rows, notes = [], []
-    groups = [[p for p in points if p.knob in knobs] for knobs in (RECURSION, SAMPLING, LOD)]
+    groups = [[p for p in points if p.knob in knobs] for knobs in (RECURSION, SAMPLING, SHADOWS, LEVELS)]
     for group in filter(None, groups):
         studio = Studio(program, scene, settings, work, say)
         rows += _group(studio, group, seconds * len(group) / len(points))
@@ -142,18 +154,17 @@ def _group(studio, points, seconds):
         try:
             facts, path = studio.render(job["words"], name, threads=1)
         except RunError as error:
-            if job["row"]["knob"] not in LOD:  # not every mesh can be decimated
+            if job["row"]["knob"] not in LEVELS:  # not every mesh can be decimated
                 raise
             job["row"] |= {"status": "skipped", "note": str(error)}
             continue
         job["times"].append(facts["cpu_seconds"])
         _compare(studio, job, facts, path, name)
+        if job["row"]["must_be_exact"] and job["row"]["differing"]:
+            job["row"] |= {"status": "disagrees", "note": f"another picture than `{jobs[0]['row']['point']}`"}
     alive = [job for job in jobs if job["row"]["status"] == "measured"]
     _time(studio, alive, seconds)
-    for job in alive:
-        row = job["row"]
-        row["seconds"], row["seconds_lo"], row["seconds_hi"] = median_interval(job["times"])
-        row["samples"] = len(job["times"])
+    _summarize(alive)
     return [job["row"] for job in jobs]
 
 
@@ -170,23 +181,32 @@ def _jobs(studio, points):
         targets = studio.many_samples(list(dict.fromkeys(["box", *filters])))
         base, reference = (), []
     else:
-        words = studio.words(())
-        _, path = studio.render(words, "reference_lod", phase="reference, all triangles")
+        words = studio.words(points[0].options if kind in SHADOWS else ())
+        _, path = studio.render(words, f"reference_{kind}", phase="reference")
         targets, base = {"": Target(words, path)}, ()
-        reference = [("lod", "all triangles", ())]
-    jobs = [_job(studio, knob, label, options, None, targets[""]) for knob, label, options in reference]
+        reference = [("lod", "all triangles", ())] if kind in LEVELS else []
+    jobs = [_job(studio, Point(knob, label, options=options), None, targets[""]) for knob, label, options in reference]
     for point in points:
         options = point.options + (base if point.knob == "contribution" else ())
-        scene = f"decimate({studio.scene},{point.scene})" if point.scene else None
         target = targets.get(point.options[-1] if point.knob == "filter" else "box", targets.get(""))
-        jobs.append(_job(studio, point.knob, point.label, options, scene, target))
+        level = f"decimate({studio.scene},{point.scene or point.secondary})"
+        try:
+            if point.secondary:
+                options += ("--secondary-scene", level)
+            if point.moved:
+                options += ("--self-intersection", "normal-offset", "--self-intersection-size", studio.apart(level))
+        except RunError as error:  # told by the picture, too
+            studio.notes.append(f"{point.label}: {error}")
+            continue
+        jobs.append(_job(studio, replace(point, options=options), level if point.scene else None, target))
     return jobs
 
 
-def _job(studio, knob, label, options, scene, target):
-    words = studio.words(options, scene)
+def _job(studio, point, scene, target):
+    words = studio.words(point.options, scene)
     row = {
-        "scene": studio.scene, "knob": knob, "point": label, "must_be_exact": 0, "status": "measured", "note": "",
+        "scene": studio.scene, "knob": point.knob, "point": point.label, "must_be_exact": int(point.must_be_exact),
+        "status": "measured", "note": "",
         "reference": studio.program.shown(*target.words, "--out", "reference.exr"),
         "command": studio.program.shown(*words, "--threads", 1, "--out", "point.exr", "--json", "point.json"),
     }  # fmt: skip
@@ -206,30 +226,64 @@ def _compare(studio, job, facts, path, name):
     job["row"] |= images.measures(picture, reference)
     job["row"] |= {
         "spec": facts["structure"], "primitives": facts["primitives"],
-        "memory_bytes": facts["node_bytes"] + facts["prim_bytes"],
+        "memory_bytes": sum(tree["node_bytes"] + tree["prim_bytes"] for tree in (facts, facts.get("secondary")) if tree),
         "picture": f"{studio.folder.name}/{shown.name}", "difference": f"{studio.folder.name}/{difference.name}",
     }  # fmt: skip
 
 
 def _time(studio, jobs, seconds):
-    """More samples of each, in rounds of random order, until all have as many as wanted or the time is spent."""
+    """More samples of each, in rounds of random order: at least as many as have an interval; as many as wanted while
+    `seconds` last; then of those alone whose place on a front is open."""
     rng, begin = random.Random(studio.settings.seed), time.monotonic()
-    rounds = studio.settings.samples - 1
-    for done in range(rounds):
-        each = (time.monotonic() - begin) / done if done else 0
-        left = seconds - (time.monotonic() - begin)
-        if done + 1 >= FEWEST and each > left:
-            studio.notes.append(
-                f"{jobs[0]['row']['knob']}: {done + 1} samples a picture, not {rounds + 1}: more --seconds, or a smaller --size"
-            )
+    wanted, done, taken, asked = studio.settings.samples, 1, 0, jobs
+    fewest = min(FEWEST, wanted)
+    while asked:
+        spent = time.monotonic() - begin
+        each = spent / taken if taken else 0
+        if done >= fewest and spent + each * len(asked) > seconds:
             break
-        for at, job in enumerate(rng.sample(jobs, len(jobs))):
-            to_do = (
-                f"about {each * (rounds - done - at / len(jobs)):.0f} s left"
-                if done
-                else "time left known after a round"
+        for at, job in enumerate(rng.sample(asked, len(asked))):
+            studio.say(
+                f"pictures: sample {done + 1}, {at + 1} of {len(asked)} - "
+                + _left(each, len(asked), at, fewest - done, wanted - done, seconds - spent)
             )
-            studio.say(f"pictures: round {done + 1} of {rounds}, {at + 1} of {len(jobs)} - {to_do}")
             facts, path = studio.render(job["words"], "sample", threads=1)
             path.unlink()
             job["times"].append(facts["cpu_seconds"])
+            taken += 1
+        done += 1
+        if done >= wanted:
+            _summarize(jobs)
+            asked = _contested(jobs) if done < MOST * wanted else []
+    took = time.monotonic() - begin
+    if done < wanted or took > 1.5 * seconds:
+        studio.notes.append(
+            f"{jobs[0]['row']['knob']}: {done} samples a picture, of {wanted} wanted, took {took:.0f} s, where --seconds left "
+            f"{seconds:.0f}: more --seconds, fewer --knobs, or a smaller --size"
+        )
+
+
+def _left(each, count, at, fewest, wanted, seconds):
+    """How long rounds of `count` samples go on, as text: `fewest` rounds must be, `wanted` ones as `seconds` allow."""
+    if not each:
+        return "time left known after a round"
+    must, may = (each * (count * max(1, rounds) - at) for rounds in (fewest, wanted))
+    return f"about {max(must, min(may, seconds)) if wanted > 0 else max(must, seconds):.0f} s left"
+
+
+def _summarize(jobs):
+    for job in jobs:
+        row = job["row"]
+        row["seconds"], row["seconds_lo"], row["seconds_hi"] = median_interval(job["times"])
+        row["samples"] = len(job["times"])
+
+
+def _contested(jobs):
+    """Those whose place on a front is open, and those that they are compared with."""
+    rows = pd.DataFrame([job["row"] for job in jobs]).assign(ray_set="")
+    names = set()
+    for front in fronts.fronts(rows):
+        if front.y is fronts.SECONDS:
+            open_ = front.rows[front.rows["place"] == UNDECIDED]
+            names |= {*open_["point"], *open_["dominated_by"]}
+    return [job for job in jobs if job["row"]["point"] in names]

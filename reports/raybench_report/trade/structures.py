@@ -10,6 +10,7 @@ from .pareto import rate_interval
 
 AIMED = ("aimed_vertex", "aimed_edge")  # of verify: what `aimed` of run is
 FEWEST_SECONDS = 0.004  # of timing, a case
+SAFE = 0.7  # of a sample: the slowest may be slower in the next run
 FEWEST_RAYS = 1024  # a set: `raybench run` makes no smaller parts
 # Where answers to the bit are promised: a right answer in other bits is right, too.
 CLIPPED = {"clip": "true", "builder": "spatial", "insertion": "exact"}
@@ -58,25 +59,38 @@ def measure(program, scene, points, structures, facts, settings, seconds, work):
 
 def _run(program, scene, names, sets, settings, each, folder, phase):
     """Times all structures on the very same rays; how many. `raybench run` times what is slow on a part of its rays, which
-    caches and predictors of branches favour the more the smaller it is: then all are timed again on as few rays as the
-    slowest can do."""
-    rays = settings.rays
+    caches and predictors of branches favour the more the smaller it is. So few rays are timed first, and then as many as
+    the slowest can do; where that was too many, all are timed again."""
+    measure = lambda rays, *more: program.run(
+        "run", scene, "--structures", names, "--sets", ",".join(sets), *_numbers(settings, rays), *more, "--no-report",
+        "--out", folder, allowed=(0, 1), phase=phase,
+    )  # fmt: skip
+    rays, whole = settings.rays, phase
+    if rays > FEWEST_RAYS:
+        phase = f"{whole}, a first look"
+        measure(FEWEST_RAYS, "--budget", FEWEST_SECONDS, "--repetitions", 1)
+        rays = min(rays, _affordable(folder, settings, each))
     while True:
-        program.run(
-            "run", scene, "--structures", names, "--sets", ",".join(sets), *_numbers(settings, rays), "--budget",
-            f"{each:.4g}", "--repetitions", settings.repetitions, "--no-report", "--out", folder,
-            allowed=(0, 1), phase=phase,
-        )  # fmt: skip
-        cases = read_table(folder / "cases.csv")
-        cases = cases[(cases["query"] != "build") & (cases["status"] == "timed")]
-        parts = cases[cases["timed_rays"] < cases["rays"]]
-        if parts.empty or rays <= FEWEST_RAYS:
+        shutil.rmtree(folder, ignore_errors=True)
+        phase = f"{whole}, {rays:,} rays a set"
+        measure(rays, "--budget", f"{each:.4g}", "--repetitions", settings.repetitions)
+        cases = _timed(folder)
+        if (cases["timed_rays"] == cases["rays"]).all() or rays <= FEWEST_RAYS:
             return rays
-        slowest = cases["median_ns"].max() * 1e-9
-        fit = int(2 ** np.floor(np.log2(0.8 * each / (2 * settings.repetitions * slowest))))
-        rays = max(FEWEST_RAYS, min(fit, rays // 2))
-        phase = f"{phase.partition(',')[0]}, again on {rays:,} rays a set, which the slowest can do"
-        shutil.rmtree(folder)
+        rays = max(FEWEST_RAYS, min(_affordable(folder, settings, each), rays // 2))
+
+
+def _timed(folder):
+    cases = read_table(folder / "cases.csv")
+    return cases[(cases["query"] != "build") & (cases["status"] == "timed")]
+
+
+def _affordable(folder, settings, each):
+    """The rays, a power of two, that the slowest structure of an earlier run can do in each sample."""
+    slowest = _timed(folder)["median_ns"].max() * 1e-9
+    if not slowest > 0:  # none was timed
+        return settings.rays
+    return max(FEWEST_RAYS, int(2 ** np.floor(np.log2(SAFE * each / (2 * settings.repetitions * slowest)))))
 
 
 def _numbers(settings, rays):

@@ -21,7 +21,7 @@ import numpy as np
 from ..decide.statistics import bootstrap_interval
 from ..errors import RunError
 from . import space
-from .files import table, toml, write_file
+from .files import require_folder, table, toml, write_file
 from .trials import Trials, TrialsEnded
 
 ANCHOR = "bvh_sah"
@@ -34,6 +34,7 @@ ROUNDS = 15  # of the comparison with the default
 def main(argv):
     """Returns the exit code. Throws RunError for wrong input."""
     arguments = _parser().parse_args(argv)
+    require_folder(arguments.out)
     try:
         import optuna
     except ImportError:
