@@ -1,6 +1,7 @@
 // The structures a process knows: the built-in ones and those of loaded plugins.
 #pragma once
 
+#include <map>
 #include <memory>
 #include <optional>
 #include <span>
@@ -31,6 +32,8 @@ class Registry {
   void SetOnRequest(const std::string& folder) { on_request_ = folder; }
   /// Their names, sorted.
   std::vector<std::string> OnRequest() const;
+  /// Structures of raybench that are not here, sorted by name: each with one line why.
+  std::map<std::string, std::string> Absent() const;
 
   /// Loads a shared library and adds what it exports. Plugins stay loaded until the process ends.
   /// Throws InputError naming the file when it cannot be loaded, speaks another ABI, lacks a required

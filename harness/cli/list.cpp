@@ -172,6 +172,8 @@ int ListStructures(const Registry& registry, const ListOptions& options) {
       all.back()["on_request"] = true;
       all.back()["unavailable"] = why.empty() ? Json() : Json(why);
     }
+    for (const auto& [name, why] : registry.Absent())
+      all.push_back({{"name", name}, {"on_request", true}, {"unavailable", why}});
     return PrintJson(all);
   }
   std::vector<std::vector<std::string>> rows = {{"name", "family", "build", "trace", "what it is"}};
@@ -185,6 +187,7 @@ int ListStructures(const Registry& registry, const ListOptions& options) {
     rows.push_back(
         {name, "on request", "-", "-", why.empty() ? registry.Find(name).doc : "not here: " + why});
   }
+  for (const auto& [name, why] : registry.Absent()) rows.push_back({name, "-", "-", "-", "not here: " + why});
   PrintTable(rows);
   fmt::print(
       "\nbuild: how build time grows with the primitives; trace: how a leaf's primitives are tested.\n"
