@@ -197,6 +197,14 @@ Tree::Tree(const Contestant& contestant, const rb_geometry& geometry, const rb_b
   tree_ = {tree, structure_->destroy};
 }
 
+void Tree::QueryDevice(const rb_query& query) const {
+  try {
+    structure_->query(tree_.get(), &query);
+  } catch (const std::runtime_error& error) {
+    throw QueryError(fmt::format("{}: {}", structure_->name, error.what()));
+  }
+}
+
 std::optional<rb_device> Tree::Device() const {
   const rb_structure& s = *structure_;
   if (!Reaches(s, offsetof(rb_structure, device) + sizeof s.device) || s.device == nullptr) return {};

@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -67,6 +68,12 @@ struct Contestant {
 /// Parses and checks one "name(key=value,...)".
 Contestant ParseContestant(const Registry& registry, std::string_view text);
 
+/// A query that a device did not answer, as after it was lost: one line with structure and reason. Nothing of the
+/// query's results is to be used, nor is the tree.
+struct QueryError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
 /// Owns a built tree.
 class Tree {
  public:
@@ -78,13 +85,20 @@ class Tree {
   const rb_structure& structure() const { return *structure_; }
   const rb_tree* get() const { return tree_.get(); }
 
-  void Query(const rb_query& query) const { structure_->query(tree_.get(), &query); }
+  /// Throws QueryError; only a device does so.
+  void Query(const rb_query& query) const {
+    if (IsOnDevice(*structure_)) [[unlikely]]
+      return QueryDevice(query);
+    structure_->query(tree_.get(), &query);
+  }
   void QueryCounted(const rb_query& query) const { structure_->query_counted(tree_.get(), &query); }
   uint32_t Claims() const { return structure_->claims(tree_.get()); }
   /// What its device did so far; nothing if it works on the processor.
   std::optional<rb_device> Device() const;
 
  private:
+  void QueryDevice(const rb_query& query) const;
+
   const rb_structure* structure_ = nullptr;
   std::unique_ptr<rb_tree, void (*)(rb_tree*)> tree_{nullptr, nullptr};
 };
