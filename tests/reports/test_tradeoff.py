@@ -155,6 +155,18 @@ def test_knobs_become_points():
     ]
 
 
+def test_a_structure_that_is_not_here_says_why():
+    class Without(Fake):
+        def list(self, what, name=None):
+            absent = {"name": "vulkan_rt", "family": None, "unavailable": "this build is without it"}
+            return super().list(what, name) + ([absent] if what == "structures" else [])
+
+    structures = knobs.Structures(Without())
+    assert structures.names == list(KNOWN)
+    with pytest.raises(knobs.RunError, match="'vulkan_rt' is not here: this build is without it"):
+        structures.parameters("vulkan_rt")
+
+
 def test_what_a_scene_does_not_need_is_left_out_aloud():
     found = chosen("depth,samples=2")
     assert not [p for p in found.points if p.knob == "depth"] and "no material reflects" in found.left_out[0]

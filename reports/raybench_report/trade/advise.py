@@ -21,7 +21,8 @@ def main(argv):
     arguments = _parser().parse_args(argv)
     scene = _scene(arguments)
     precision = advice.Precision.of(scene)
-    known = {s["name"] for s in json.loads(_call(arguments, "list", "structures", "--json"))}
+    listed = json.loads(_call(arguments, "list", "structures", "--json"))
+    known = {s["name"] for s in listed if not s.get("unavailable")}
     rows = candidates.chosen(
         scene["primitives"], arguments.max_error, arguments.memory, precision.numerics,
         known, arguments.also,
