@@ -64,10 +64,10 @@ std::map<std::string, RowCounts> CountRows(const fs::path& run, const std::strin
   return counts;
 }
 
-/// Lost while the first tree is built, while it is judged, and while both are timed.
+/// Lost while the first tree is judged, and while both are timed.
 TEST_F(VulkanFaults, ARunKeepsTheRowsOfOthersWhenADeviceIsLost) {
   const std::string query = "vulkan_rt", pipeline = "vulkan_rt(path=pipeline)";
-  for (const auto& [submission, second_lives] : {std::pair(2, true), {12, true}, {60, false}}) {
+  for (const auto& [submission, second_lives] : {std::pair(12, true), {300, false}}) {
     SCOPED_TRACE(submission);
     const std::string out = fmt::format("run{}", submission);
     const Outcome ran = CallWith(fmt::format("lost={}", submission),
