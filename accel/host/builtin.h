@@ -11,4 +11,14 @@ namespace raybench {
 /// Sorted by name.
 std::vector<Builtin> BuiltinStructures();
 
+/// A structure that not every build has.
+struct OptionalStructure {
+  const char* name;
+  bool is_built;
+  const char* takes;  ///< packages and options of a build that has it
+};
+
+/// Plugins that come with raybench, and what this build lacks of the built-in structures.
+std::vector<OptionalStructure> OptionalStructures();
+
 }  // namespace raybench

@@ -122,8 +122,25 @@ std::vector<std::string> Registry::OnRequest() const {
   return names;
 }
 
+std::map<std::string, std::string> Registry::Absent() const {
+  const auto is_here = [&](std::string_view name) {
+    return (!on_request_.empty() && std::filesystem::exists(FileOnRequest(name))) ||
+           std::any_of(structures_.begin(), structures_.end(),
+                       [&](const rb_structure* s) { return name == s->name; });
+  };
+  std::map<std::string, std::string> absent;
+  for (const OptionalStructure& s : OptionalStructures()) {
+    if (is_here(s.name)) continue;
+    absent[s.name] = fmt::format("{}; it takes {}",
+                                 s.is_built ? fmt::format("its library {} is missing", FileOnRequest(s.name))
+                                            : "this build is without it",
+                                 s.takes);
+  }
+  return absent;
+}
+
 std::string Registry::FileOnRequest(std::string_view name) const {
-  return fmt::format("{}/{}.so", on_request_, name);
+  return (std::filesystem::path(on_request_) / fmt::format("{}.so", name)).string();
 }
 
 const rb_structure& Registry::Find(std::string_view name) const {
@@ -136,12 +153,14 @@ const rb_structure& Registry::Find(std::string_view name) const {
   for (const std::string& known : on_request) {
     names.push_back(known);
     if (name != known) continue;
-    for (const rb_structure* table : LoadTables(FileOnRequest(name))) {
-      if (std::string flaw = Flaw(*table); !flaw.empty())
-        throw InputError(fmt::format("{}: {}", FileOnRequest(name), flaw));
+    const std::string file = FileOnRequest(name);
+    for (const rb_structure* table : LoadTables(file)) {
+      if (std::string flaw = Flaw(*table); !flaw.empty()) throw InputError(fmt::format("{}: {}", file, flaw));
       if (name == table->name) return *table;
     }
   }
+  for (const auto& [known, why] : Absent())
+    if (name == known) throw InputError(fmt::format("structure '{}' is not here: {}", name, why));
   throw InputError(
       fmt::format("unknown structure '{}'{}; see: raybench list structures", name, DidYouMean(name, names)));
 }
@@ -180,6 +199,14 @@ Tree::Tree(const Contestant& contestant, const rb_geometry& geometry, const rb_b
     throw BuildError(fmt::format("{}: {}", contestant.Spec(), error[0] != 0 ? error : "the build failed"));
   }
   tree_ = {tree, structure_->destroy};
+}
+
+void Tree::QueryDevice(const rb_query& query) const {
+  try {
+    structure_->query(tree_.get(), &query);
+  } catch (const std::runtime_error& error) {
+    throw QueryError(fmt::format("{}: {}", structure_->name, error.what()));
+  }
 }
 
 std::optional<rb_device> Tree::Device() const {

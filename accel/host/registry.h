@@ -1,9 +1,11 @@
 // The structures a process knows: the built-in ones and those of loaded plugins.
 #pragma once
 
+#include <map>
 #include <memory>
 #include <optional>
 #include <span>
+#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -31,6 +33,8 @@ class Registry {
   void SetOnRequest(const std::string& folder) { on_request_ = folder; }
   /// Their names, sorted.
   std::vector<std::string> OnRequest() const;
+  /// Structures of raybench that are not here, sorted by name: each with one line why.
+  std::map<std::string, std::string> Absent() const;
 
   /// Loads a shared library and adds what it exports. Plugins stay loaded until the process ends.
   /// Throws InputError naming the file when it cannot be loaded, speaks another ABI, lacks a required
@@ -64,6 +68,12 @@ struct Contestant {
 /// Parses and checks one "name(key=value,...)".
 Contestant ParseContestant(const Registry& registry, std::string_view text);
 
+/// A query that a device did not answer, as after it was lost: one line with structure and reason. Nothing of the
+/// query's results is to be used, nor is the tree.
+struct QueryError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
 /// Owns a built tree.
 class Tree {
  public:
@@ -75,13 +85,20 @@ class Tree {
   const rb_structure& structure() const { return *structure_; }
   const rb_tree* get() const { return tree_.get(); }
 
-  void Query(const rb_query& query) const { structure_->query(tree_.get(), &query); }
+  /// Throws QueryError; only a device does so.
+  void Query(const rb_query& query) const {
+    if (IsOnDevice(*structure_)) [[unlikely]]
+      return QueryDevice(query);
+    structure_->query(tree_.get(), &query);
+  }
   void QueryCounted(const rb_query& query) const { structure_->query_counted(tree_.get(), &query); }
   uint32_t Claims() const { return structure_->claims(tree_.get()); }
   /// What its device did so far; nothing if it works on the processor.
   std::optional<rb_device> Device() const;
 
  private:
+  void QueryDevice(const rb_query& query) const;
+
   const rb_structure* structure_ = nullptr;
   std::unique_ptr<rb_tree, void (*)(rb_tree*)> tree_{nullptr, nullptr};
 };

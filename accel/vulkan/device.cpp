@@ -159,6 +159,7 @@ class Instance {
     }
     const std::lock_guard lock(mutex_);
     std::unique_ptr<Device>& device = made_[index];
+    if (device && device->is_lost()) lost_.push_back(std::move(device));  // trees may have it still
     if (!device) device.reset(new Device(usable_[size_t(index)].device));
     return *device;
   }
@@ -240,6 +241,7 @@ class Instance {
   std::vector<Usable> usable_;
   std::mutex mutex_;
   std::map<int64_t, std::unique_ptr<Device>> made_;
+  std::vector<std::unique_ptr<Device>> lost_;
 };
 
 Device& Device::Get(int64_t index) { return Instance::Get().At(index); }
@@ -347,30 +349,37 @@ uint32_t Device::MemoryType(uint32_t allowed, VkMemoryPropertyFlags wanted) cons
   throw std::runtime_error(name_ + ": it has no memory of the kind that is needed");
 }
 
+void Device::CheckWork(VkResult result, const std::string& doing) const {
+  if (result == VK_ERROR_DEVICE_LOST) is_lost_ = true;
+  Check(result, doing);
+}
+
 std::vector<double> Device::Submit(const std::string& doing,
                                    const std::function<void(Commands&)>& record) const {
   VkCommandBufferBeginInfo begin{};
   begin.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO;
   begin.flags = VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT;
-  Check(vkBeginCommandBuffer(commands_, &begin), doing);
+  CheckWork(vkResetCommandBuffer(commands_, 0),
+            doing);  // an exception may have ended what was recorded before
+  CheckWork(vkBeginCommandBuffer(commands_, &begin), doing);
   vkCmdResetQueryPool(commands_, clock_, 0, Commands::kStamps);
   Commands commands(commands_, clock_);
   record(commands);
-  Check(vkEndCommandBuffer(commands_), doing);
+  CheckWork(vkEndCommandBuffer(commands_), doing);
   ThrowMessages();
   VkSubmitInfo submit{};
   submit.sType = VK_STRUCTURE_TYPE_SUBMIT_INFO;
   submit.commandBufferCount = 1, submit.pCommandBuffers = &commands_;
-  Check(vkQueueSubmit(queue_, 1, &submit, fence_), doing);
-  Check(vkWaitForFences(device_, 1, &fence_, VK_TRUE, UINT64_MAX), doing);
-  Check(vkResetFences(device_, 1, &fence_), doing);
+  CheckWork(vkQueueSubmit(queue_, 1, &submit, fence_), doing);
+  CheckWork(vkWaitForFences(device_, 1, &fence_, VK_TRUE, UINT64_MAX), doing);
+  CheckWork(vkResetFences(device_, 1, &fence_), doing);
   ThrowMessages();
   std::vector<double> seconds;
   if (commands.stamps() < 2) return seconds;
   uint64_t ticks[Commands::kStamps];
-  Check(vkGetQueryPoolResults(device_, clock_, 0, commands.stamps(), sizeof ticks, ticks, sizeof ticks[0],
-                              VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT),
-        "reading the device's clock");
+  CheckWork(vkGetQueryPoolResults(device_, clock_, 0, commands.stamps(), sizeof ticks, ticks, sizeof ticks[0],
+                                  VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT),
+            "reading the device's clock");
   for (uint32_t i = 1; i < commands.stamps(); ++i)
     seconds.push_back(double(ticks[i] - ticks[i - 1]) * limits_.timestampPeriod * 1e-9);
   return seconds;
@@ -389,8 +398,9 @@ void Device::Upload(const Buffer& to, const void* from, VkDeviceSize bytes, doub
   }
 }
 
-Buffer::Buffer(const Device& device, VkDeviceSize bytes, VkBufferUsageFlags usage, Place place)
-    : device_(&device), bytes_(bytes) {
+// Delegates, so that what was made is freed when a later step throws.
+Buffer::Buffer(const Device& device, VkDeviceSize bytes, VkBufferUsageFlags usage, Place place) : Buffer() {
+  device_ = &device, bytes_ = bytes;
   const std::string doing = "allocating " + std::to_string((bytes >> 20) + 1) + " MiB on the device";
   if (bytes > device.largest_buffer())
     throw std::runtime_error(doing + ": it allows at most " + std::to_string(device.largest_buffer() >> 20) +
@@ -414,11 +424,7 @@ Buffer::Buffer(const Device& device, VkDeviceSize bytes, VkBufferUsageFlags usag
       device.MemoryType(needs.memoryTypeBits,
                         is_host ? VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT
                                 : VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT);
-  const VkResult allocated = vkAllocateMemory(device.get(), &allocate, nullptr, &memory_);
-  if (allocated != VK_SUCCESS) {
-    vkDestroyBuffer(device.get(), std::exchange(buffer_, VK_NULL_HANDLE), nullptr);
-    Check(allocated, doing);
-  }
+  Check(vkAllocateMemory(device.get(), &allocate, nullptr, &memory_), doing);
   Check(vkBindBufferMemory(device.get(), buffer_, memory_, 0), doing);
   if (is_host) {
     Check(vkMapMemory(device.get(), memory_, 0, VK_WHOLE_SIZE, 0, &mapped_), doing);

@@ -1,12 +1,13 @@
 // A Vulkan device with ray tracing, and as much of Vulkan as is needed to work on it: buffers, one queue, a clock.
 //
 // Devices are made on demand, one for each index, and live as long as the process; a forked child, in which a
-// driver's threads are gone, makes its own. All errors are std::runtime_error of one line. With the variable
+// driver's threads are gone, makes its own. One that was lost is opened anew for the next tree. All errors are std::runtime_error of one line. With the variable
 // RAYBENCH_VULKAN_VALIDATION=1 the Khronos validation layer looks at every call, and what it says is such an error.
 #pragma once
 
 #include <vulkan/vulkan.h>
 
+#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -100,6 +101,8 @@ class Device {
   bool has_query() const { return has_query_; }        ///< VK_KHR_ray_query
   bool has_pipeline() const { return has_pipeline_; }  ///< VK_KHR_ray_tracing_pipeline
   bool has_double() const { return has_double_; }      ///< doubles in shaders
+  /// What was on it is gone, and it does nothing any more.
+  bool is_lost() const { return is_lost_; }
   const VkPhysicalDeviceLimits& limits() const { return limits_; }
   const VkPhysicalDeviceAccelerationStructurePropertiesKHR& structure_limits() const { return structures_; }
   const VkPhysicalDeviceRayTracingPipelinePropertiesKHR& pipeline_limits() const { return pipeline_; }
@@ -111,6 +114,8 @@ class Device {
   std::mutex& mutex() const { return mutex_; }
   /// Records, submits and waits. Seconds between one stamp and the next, by the device's clock.
   std::vector<double> Submit(const std::string& doing, const std::function<void(Commands&)>& record) const;
+  /// Check(), and remembers if the device is lost.
+  void CheckWork(VkResult result, const std::string& doing) const;
   /// Copies to a buffer of the device, in portions; adds the seconds that the copying took on the device.
   void Upload(const Buffer& to, const void* from, VkDeviceSize bytes, double& seconds) const;
 
@@ -137,6 +142,7 @@ class Device {
   Functions functions_{};
   mutable std::unique_ptr<Pipelines> pipelines_;
   mutable std::mutex mutex_;
+  mutable std::atomic<bool> is_lost_ = false;
   mutable Buffer staging_;
 };
 

@@ -74,12 +74,11 @@ std::string Meant(const CLI::App& app) {
   return DidYouMean(word, std::vector<std::string_view>(names.begin(), names.end()));
 }
 
-/// Where plugins lie that come with raybench: where it was installed, else in the build folder.
+/// Where plugins are to lie that come with raybench: where it was installed, else in the build folder.
 std::string FolderOnRequest() {
   const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe").parent_path();
-  for (const char* folder : {RAYBENCH_INSTALLED_LIBRARIES "/plugins", "plugins"})
-    if (std::filesystem::exists(program / folder)) return (program / folder).lexically_normal().string();
-  return {};
+  const std::filesystem::path installed = program / RAYBENCH_INSTALLED_LIBRARIES "/plugins";
+  return (std::filesystem::exists(installed) ? installed : program / "plugins").lexically_normal().string();
 }
 
 }  // namespace

@@ -161,6 +161,10 @@ std::string WhyNotHere(const Registry& registry, const std::string& name) {
   }
 }
 
+Json DescribeAbsent(const std::string& name, const std::string& why) {
+  return {{"name", name}, {"family", nullptr}, {"on_request", true}, {"unavailable", why}};
+}
+
 /// One line per structure.
 int ListStructures(const Registry& registry, const ListOptions& options) {
   if (options.json) {
@@ -168,10 +172,10 @@ int ListStructures(const Registry& registry, const ListOptions& options) {
     for (const rb_structure* s : registry.structures()) all.push_back(Describe(registry, *s));
     for (const std::string& name : registry.OnRequest()) {
       const std::string why = WhyNotHere(registry, name);
-      all.push_back(why.empty() ? Describe(registry, registry.Find(name)) : Json{{"name", name}});
-      all.back()["on_request"] = true;
-      all.back()["unavailable"] = why.empty() ? Json() : Json(why);
+      all.push_back(why.empty() ? Describe(registry, registry.Find(name)) : DescribeAbsent(name, why));
+      if (why.empty()) all.back().update({{"on_request", true}, {"unavailable", nullptr}});
     }
+    for (const auto& [name, why] : registry.Absent()) all.push_back(DescribeAbsent(name, why));
     return PrintJson(all);
   }
   std::vector<std::vector<std::string>> rows = {{"name", "family", "build", "trace", "what it is"}};
@@ -185,6 +189,7 @@ int ListStructures(const Registry& registry, const ListOptions& options) {
     rows.push_back(
         {name, "on request", "-", "-", why.empty() ? registry.Find(name).doc : "not here: " + why});
   }
+  for (const auto& [name, why] : registry.Absent()) rows.push_back({name, "-", "-", "-", "not here: " + why});
   PrintTable(rows);
   fmt::print(
       "\nbuild: how build time grows with the primitives; trace: how a leaf's primitives are tested.\n"

@@ -71,7 +71,11 @@ class PointRun {
       for (Entrant& e : entrants_) {
         ThrowIfInterrupted();
         if (options_.progress) options_.progress(e.row.Get(column::spec));
-        Prepare(e);
+        try {
+          Prepare(e);
+        } catch (const QueryError& error) {
+          Skip(e, error.what());
+        }
       }
       Time();
     }
@@ -204,7 +208,12 @@ class PointRun {
         const bool device = IsOnDevice(e.tree.structure());
         const Pinned pinned(!device);
         const Stopwatch watch(/*process=*/false);
-        Ask(e.tree, e.Asked(), e.answers, 1);
+        try {
+          Ask(e.tree, e.Asked(), e.answers, 1);
+        } catch (const QueryError& error) {
+          Skip(e, error.what());
+          continue;
+        }
         e.pass_ns.push_back(TimeOfWork(watch.Elapsed(), device) * 1e9 / double(e.rays.size()));
       }
     }

@@ -73,6 +73,29 @@ class Collector : public benchmark::BenchmarkReporter {
   const std::function<void(size_t, const Sample&)>& take_;
 };
 
+void TakeSample(const TimedTask& task, benchmark::State& state) {
+  if (task.build) {
+    double cpu = 0;
+    for (auto _ : state) {
+      const Seconds seconds = task.build();
+      if (Interrupted()) {
+        state.SkipWithError("interrupted");
+        break;
+      }
+      state.SetIterationTime(seconds.wall);
+      cpu += seconds.cpu;
+    }
+    state.counters["build_cpu"] = cpu;
+    return;
+  }
+  Pinned pinned(!task.parallel && !task.device);
+  if (task.warm_up) task.pass();
+  for (auto _ : state) {
+    task.pass();
+    benchmark::ClobberMemory();
+  }
+}
+
 }  // namespace
 
 Stopwatch::Stopwatch(bool process)
@@ -166,9 +189,11 @@ void InitialiseEngine(const EngineFlags& flags) {
 
 std::string EngineRemarks() { return g_remarks; }
 
-void Measure(const std::vector<TimedTask>& tasks, const std::function<void(size_t, const Sample&)>& take,
-             const std::function<void(double)>& progress) {
-  if (tasks.empty()) return;
+std::map<size_t, std::string> Measure(const std::vector<TimedTask>& tasks,
+                                      const std::function<void(size_t, const Sample&)>& take,
+                                      const std::function<void(double)>& progress) {
+  std::map<size_t, std::string> failed;
+  if (tasks.empty()) return failed;
   uint64_t sequence = 0;
   double total = 1e-9, done = 0;
   for (const TimedTask& task : tasks) total += task.sample_cost * task.samples;
@@ -176,33 +201,20 @@ void Measure(const std::vector<TimedTask>& tasks, const std::function<void(size_
   const auto add = [&](size_t index, uint32_t sample) {
     const TimedTask& task = tasks[index];
     const std::string name = fmt::format("{}|{}|{}", index, task.name, sample);
-    auto* registered = benchmark::RegisterBenchmark(name.c_str(), [&](benchmark::State& state) {
-      if (Interrupted()) {
+    auto* registered = benchmark::RegisterBenchmark(name.c_str(), [&, index](benchmark::State& state) {
+      if (Interrupted() || failed.contains(index)) {
         state.SkipWithError("interrupted");
         return;
       }
       progress(std::min(1.0, done / total));
       done += task.sample_cost;
       const double place = double(sequence++);
-      if (task.build) {
-        double cpu = 0;
-        for (auto _ : state) {
-          const Seconds seconds = task.build();
-          if (Interrupted()) {
-            state.SkipWithError("interrupted");
-            break;
-          }
-          state.SetIterationTime(seconds.wall);
-          cpu += seconds.cpu;
-        }
-        state.counters["build_cpu"] = cpu;
-      } else {
-        Pinned pinned(!task.parallel && !task.device);
-        if (task.warm_up) task.pass();
-        for (auto _ : state) {
-          task.pass();
-          benchmark::ClobberMemory();
-        }
+      try {
+        TakeSample(task, state);
+      } catch (const std::runtime_error& error) {
+        state.SkipWithError(error.what());
+        failed[index] = error.what();
+        return;
       }
       state.counters["sequence"] = place;
       if (task.device) state.counters["device"] = 1;
@@ -222,6 +234,7 @@ void Measure(const std::vector<TimedTask>& tasks, const std::function<void(size_
   Collector collector(tasks.size(), take);
   benchmark::RunSpecifiedBenchmarks(&collector);
   benchmark::ClearRegisteredBenchmarks();
+  return failed;
 }
 
 }  // namespace raybench

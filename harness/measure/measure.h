@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <optional>
 #include <regex>
 #include <string>
@@ -95,8 +96,10 @@ void InitialiseEngine(const EngineFlags& flags);
 std::string EngineRemarks();
 
 /// Times all tasks as one group. `take` is given each sample as it ends, with the task's index; `progress` the
-/// fraction of the expected time that is done; both outside the clock.
-void Measure(const std::vector<TimedTask>& tasks, const std::function<void(size_t, const Sample&)>& take,
-             const std::function<void(double)>& progress);
+/// fraction of the expected time that is done; both outside the clock. A task whose work throws a
+/// std::runtime_error is given up: these are returned, each with the reason.
+std::map<size_t, std::string> Measure(const std::vector<TimedTask>& tasks,
+                                      const std::function<void(size_t, const Sample&)>& take,
+                                      const std::function<void(double)>& progress);
 
 }  // namespace raybench

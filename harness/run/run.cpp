@@ -357,7 +357,8 @@ class Run {
         record.recall->AddPrice(contestant.Spec(), built - begin,
                                 (progress_.Elapsed() - built) / double(rays.size()));
       } catch (const BuildError&) {
-        ThrowIfInterrupted();  // what cannot be built is skipped, with the reason, when its turn comes
+        ThrowIfInterrupted();        // what cannot be built is skipped, with the reason, when its turn comes
+      } catch (const QueryError&) {  // and so is what cannot be asked
       } catch (const std::bad_alloc&) {
       }
     }

@@ -402,10 +402,16 @@ bool SceneRun::BuildInGroup(Entrant& entrant) {
       TimeGroup();
       continue;
     }
-    Note(fmt::format("{} is skipped: {}", entrant.Spec(), why));
-    entrant.Close(context_.results, "skipped", why);
+    GiveUp(entrant, why);
     return false;
   }
+}
+
+/// All cases that have no row yet are skipped, and the tree is given back.
+void SceneRun::GiveUp(Entrant& entrant, const std::string& why) {
+  Note(fmt::format("{} is skipped: {}", entrant.Spec(), why));
+  entrant.Close(context_.results, "skipped", why);
+  if (&entrant == anchor_) anchor_ = nullptr;
 }
 
 void SceneRun::BuildAll(Entrant& entrant) {
@@ -468,9 +474,18 @@ Tree SceneRun::TimedBuild(const Entrant& entrant, uint32_t threads, Seconds& sec
   return tree;
 }
 
-/// Judges and counts, but for what an earlier session found out about the same tree. If it does not stand,
-/// which is what false says, all cases are closed.
+/// Judges and counts, but for what an earlier session found out about the same tree. If it does not stand, or its
+/// device ceases to answer, which is what false says, all cases are closed.
 bool SceneRun::Judge(Entrant& entrant) {
+  try {
+    return JudgeAnswering(entrant);
+  } catch (const QueryError& error) {
+    GiveUp(entrant, error.what());
+    return false;
+  }
+}
+
+bool SceneRun::JudgeAnswering(Entrant& entrant) {
   const std::string spec = entrant.Spec();
   if (context_.earlier != nullptr && IsAsBefore(entrant)) return true;
   if (oracle_ == nullptr) AskForTruth();

@@ -104,6 +104,8 @@ class SceneRun {
   void BuildAll(Entrant& entrant);
   Tree TimedBuild(const Entrant& entrant, uint32_t threads, Seconds& seconds) const;
   bool Judge(Entrant& entrant);
+  bool JudgeAnswering(Entrant& entrant);
+  void GiveUp(Entrant& entrant, const std::string& why);
   bool IsAsBefore(Entrant& entrant);
   void CountPixels(const Entrant& entrant) const;
 
@@ -139,7 +141,7 @@ class SceneRun {
   std::optional<Ladder> ladder_;
   std::vector<Entrant*> group_;  ///< whose trees are held to be timed together
   Entrant* anchor_ = nullptr;    ///< its tree is held to the end
-  std::vector<std::pair<const Entrant*, const PlannedCase*>> sampled_;  ///< whose rows are to be stored
+  std::vector<std::pair<Entrant*, const PlannedCase*>> sampled_;  ///< whose rows are to be stored
 };
 
 }  // namespace raybench

@@ -191,18 +191,28 @@ void SceneRun::TimeGroup() {
   std::vector<Open> open = OpenCases();
   std::vector<TimedTask> tasks;
   std::vector<std::string> keys;  // under which the samples of each task are kept
-  const auto add = [&](TimedTask task, std::string name, std::string key, uint32_t samples) {
+  std::vector<Entrant*> owners;   // of each task's tree
+  const auto add = [&](Entrant* owner, TimedTask task, std::string name, std::string key, uint32_t samples) {
     task.name = std::move(name);
     task.samples = samples;
     tasks.push_back(std::move(task));
     keys.push_back(std::move(key));
+    owners.push_back(owner);
   };
+  std::map<Entrant*, std::string> failed;  // those whose device ceased to answer
   std::map<Part, uint32_t>
       beside;  // samples of the anchor that are wanted in this session, and not yet there
   for (Open& o : open) {
-    Choose(o);
+    if (failed.contains(o.entrant)) continue;
+    try {
+      Choose(o);
+    } catch (const QueryError& error) {
+      failed[o.entrant] = error.what();
+      continue;
+    }
     const Case& key = o.planned->key;
-    add(key.IsBuild() ? BuildTask(*o.entrant, key.threads)
+    add(o.entrant,
+        key.IsBuild() ? BuildTask(*o.entrant, key.threads)
                       : ladder_->Task(o.entrant->tree, o.part, o.plan->samples),
         o.planned->Name(), key.Id(), o.missing);
     if (!key.IsBuild() && Anchors(o.part) && o.entrant != anchor_)
@@ -210,6 +220,7 @@ void SceneRun::TimeGroup() {
     ThrowIfInterrupted();
     schedule_.Update(double(tasks.size()) / double(open.size()));
   }
+  std::erase_if(open, [&](const Open& o) { return failed.contains(o.entrant); });
   for (const Open& o : open)
     if (o.entrant == anchor_ && beside.contains(o.part)) {
       uint32_t& samples = beside.at(o.part);
@@ -224,8 +235,13 @@ void SceneRun::TimeGroup() {
   for (const auto& [part, samples] : beside) {
     if (samples == 0) continue;
     const std::string key = AnchorKey(part);
-    if (!recall_.Plan(key)) recall_.AddPlan(key, PlanPart(*anchor_, part));
-    add(ladder_->Task(anchor_->tree, part, recall_.Plan(key)->samples),
+    try {
+      if (!recall_.Plan(key)) recall_.AddPlan(key, PlanPart(*anchor_, part));
+    } catch (const QueryError& error) {
+      failed[anchor_] = error.what();
+      break;
+    }
+    add(anchor_, ladder_->Task(anchor_->tree, part, recall_.Plan(key)->samples),
         fmt::format("anchor of set {}/step {}/threads:{}", part.set, part.step, part.threads), key, samples);
     ThrowIfInterrupted();
   }
@@ -233,15 +249,24 @@ void SceneRun::TimeGroup() {
   for (const TimedTask& task : tasks) seconds += task.sample_cost * task.samples;
   schedule_.Begin(Work::kTiming, specs, "timing");
   schedule_.Expect(seconds);
-  raybench::Measure(
+  const std::map<size_t, std::string> given_up = raybench::Measure(
       tasks, [&](size_t task, const Sample& sample) { recall_.AddSample(keys[task], sample); },
       [&](double fraction) { schedule_.Update(fraction); });
+  for (const auto& [task, why] : given_up) failed.try_emplace(owners[task], why);
   for (const Open& o : open)
     if (!IsOpen(*o.planned)) sampled_.push_back({o.entrant, o.planned});
   if (context_.LastProcess())
-    for (const auto& [entrant, planned] : sampled_) StoreTimed(*entrant, *planned);
+    for (const auto& [entrant, planned] : sampled_) {
+      if (failed.contains(entrant)) continue;
+      try {
+        StoreTimed(*entrant, *planned);
+      } catch (const QueryError& error) {
+        failed[entrant] = error.what();
+      }
+    }
   sampled_.clear();
   ThrowIfInterrupted();
+  for (const auto& [entrant, why] : failed) GiveUp(*entrant, why);
   for (Entrant* entrant : group_)
     if (entrant != anchor_) entrant->tree = Tree();
   group_.clear();

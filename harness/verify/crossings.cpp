@@ -306,6 +306,17 @@ class Count {
     Tally tally;
     tally.contestant = contestant;
     tally.claim = tree.Claims();
+    try {
+      CountAll(tree, tally);
+    } catch (const QueryError& error) {
+      leave_out(error.what());
+      inconclusive_ = true;
+      return;
+    }
+    tallies_.push_back(std::move(tally));
+  }
+
+  void CountAll(const Tree& tree, Tally& tally) {
     const uint64_t batches = (points_.size() + kCrossingBatch - 1) / kCrossingBatch;
     ForRounds(
         batches,
@@ -328,9 +339,8 @@ class Count {
           if (kept.size() > options_.examples) kept.resize(options_.examples);
           return tally.points;
         },
-        "points counted with " + spec);
+        "points counted with " + tally.contestant.Spec());
     for (size_t index : tally.wrong_points) findings_.push_back(Explain(tree, tally, index));
-    tallies_.push_back(std::move(tally));
   }
 
   Tally CountBatch(const Tree& tree, const Tally& whole, uint64_t batch) {

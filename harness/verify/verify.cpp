@@ -228,7 +228,7 @@ class Verification {
       Judge(source, all);
     }
     for (size_t i = 0; i < planes_.size(); ++i) {
-      if (planes_[i].absent.empty()) {
+      if (planes_[i].absent.empty() && entrants_[i].tree) {
         Judge({planes_[i].name, rays, RB_CLOSEST, planes_[i].fill}, {&entrants_[i]});
       } else if (entrants_[i].tree) {
         entrants_[i].result.notes.push_back(fmt::format("{}: none: {}", planes_[i].name, planes_[i].absent));
@@ -343,15 +343,34 @@ class Verification {
       if (first == 0) audited_ += oracle_->Audit(chunk.rays.rays, chunk.truth, options_.seed, kAuditedRays);
       for (Entrant* entrant : entrants) {
         ThrowIfInterrupted();
+        if (!entrant->tree) continue;
         const Chunk part = entrant->stride > 1 ? Every(chunk, entrant->stride) : Chunk();
         const Chunk& own = entrant->stride > 1 ? part : chunk;
         std::vector<VerdictRow>& rows = entrant->result.rows;
-        if (source.query == RB_CLOSEST) Judge(*entrant, rows[rows.size() - 2], own);
-        const bool all = options_.any || source.query == RB_ANY;
-        Judge(*entrant, rows.back(), all ? own : Every(chunk, kAnyStride * entrant->stride));
+        try {
+          if (source.query == RB_CLOSEST) Judge(*entrant, rows[rows.size() - 2], own);
+          const bool all = options_.any || source.query == RB_ANY;
+          Judge(*entrant, rows.back(), all ? own : Every(chunk, kAnyStride * entrant->stride));
+        } catch (const QueryError& error) {
+          GiveUp(*entrant, error.what());
+        }
       }
       done_ += double(chunk.rays.rays.size());
     }
+  }
+
+  /// Of a device that ceased to answer. Only what breaks a claim outlives that: of a part of the rays no verdict is told.
+  void GiveUp(Entrant& entrant, const std::string& why) {
+    entrant.tree = Tree();
+    inconclusive_ = true;
+    VerifiedTree& result = entrant.result;
+    if (result.Broken()) {
+      result.notes.push_back("not asked to the end: " + why);
+      return;
+    }
+    result.skipped = why;
+    result.rows.clear();
+    entrant.kept.clear();
   }
 
   void Judge(Entrant& entrant, VerdictRow& row, const Chunk& chunk) {

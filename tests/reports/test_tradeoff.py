@@ -145,6 +145,18 @@ def chosen(text, quick=False, facts=FACTS):
     return knobs.choose(text, knobs.Structures(Fake()), facts, quick)
 
 
+def test_a_structure_that_is_not_here_says_why():
+    class Without(Fake):
+        def list(self, what, name=None):
+            absent = {"name": "vulkan_rt", "family": None, "unavailable": "this build is without it"}
+            return super().list(what, name) + ([absent] if what == "structures" else [])
+
+    structures = knobs.Structures(Without())
+    assert structures.names == list(KNOWN)
+    with pytest.raises(knobs.RunError, match="'vulkan_rt' is not here: this build is without it"):
+        structures.parameters("vulkan_rt")
+
+
 def test_knobs_become_points():
     specs = [p.spec for p in chosen("numerics").points]
     assert specs == ["bvh_sah(numerics=fast)", "bvh_sah(numerics=watertight)", *knobs.LIBRARY]

@@ -22,7 +22,8 @@ def main(argv):
     require_folder(arguments.out)
     scene = _scene(arguments)
     precision = advice.Precision.of(scene)
-    known = {s["name"] for s in json.loads(_call(arguments, "list", "structures", "--json"))}
+    listed = json.loads(_call(arguments, "list", "structures", "--json"))
+    known = {s["name"] for s in listed if not s.get("unavailable")}
     rows = candidates.chosen(
         scene["primitives"], arguments.max_error, arguments.memory, precision.numerics,
         known, arguments.also,

@@ -82,10 +82,14 @@ class Structures:
 
     def __init__(self, program):
         self._list, self._known = program.list, {}
-        self.names = [s["name"] for s in program.list("structures")]
+        listed = program.list("structures")
+        self._absent = {s["name"]: s["unavailable"] for s in listed if s.get("unavailable")}
+        self.names = [s["name"] for s in listed if s["name"] not in self._absent]
 
     def parameters(self, name):
         """{name: parameter} of a structure."""
+        if name in self._absent:
+            raise RunError(f"structure '{name}' is not here: {self._absent[name]}")
         if name not in self.names:
             raise RunError(f"unknown structure '{name}'{meant(name, self.names)}; allowed: {', '.join(self.names)}")
         if name not in self._known:
