@@ -84,7 +84,8 @@ class FastTest {
   static constexpr Numerics kNumerics = Numerics::kFast;
   static constexpr Slack kSlack = Slack::kNone;
 
-  explicit FastTest(const rb_ray& ray) : org_(LoadVec3(ray.org)), dir_(LoadVec3(ray.dir)) {
+  [[gnu::always_inline]] explicit FastTest(const rb_ray& ray)
+      : org_(LoadVec3(ray.org)), dir_(LoadVec3(ray.dir)) {
     const float length = std::max(std::fabs(dir_.x), std::max(std::fabs(dir_.y), std::fabs(dir_.z)));
     if (length >= 0x1p-60f && length <= 0x1p60f) [[likely]]
       return;
@@ -253,7 +254,7 @@ class WatertightTest {
   static constexpr Numerics kNumerics = Numerics::kWatertight;
   static constexpr Slack kSlack = Slack::kFarEnd;
 
-  explicit WatertightTest(const rb_ray& ray) : shear_(ray) {}
+  [[gnu::always_inline]] explicit WatertightTest(const rb_ray& ray) : shear_(ray) {}
   const RayShear& shear() const { return shear_; }
 
   bool Intersect(Vec3f p0, Vec3f p1, Vec3f p2, PrimHit& hit) const {
