@@ -134,7 +134,7 @@ class BadInput : public ::testing::TestWithParam<std::string> {
   bool TakesProcedurals() const {
     static const Registry registry;
     const Contestant contestant = ParseContestant(registry, GetParam());
-    return (contestant.structure->capabilities & RB_CAN_PROCEDURAL) != 0;
+    return (contestant.structure->capabilities & RB_CAN_PROCEDURAL) != 0 && !HasQuantisedLeaves(GetParam());
   }
 };
 

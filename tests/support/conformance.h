@@ -4,6 +4,7 @@
 #include <cctype>
 #include <cstdio>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "accel/host/registry.h"
@@ -48,6 +49,11 @@ inline std::vector<std::string> Specs() {
     }
   }
   return specs;
+}
+
+/// Leaves of bvh_wide that hold moved triangles, and these alone.
+inline bool HasQuantisedLeaves(std::string_view spec) {
+  return spec.find("leaves=quantized") != spec.npos || spec.find("leaves=snapped") != spec.npos;
 }
 
 /// As GoogleTest wants names: letters, digits and underscores.
