@@ -77,9 +77,7 @@ void AddAdviseOptions(CLI::App& command, AdviseOptions& options) {
 int Advise(const AdviseOptions& options, const Registry& registry, const Invocation& invocation) {
   ParseMix(options.mix);
   for (const std::string& spec : options.also) ParseContestant(registry, spec);
-  ReportWords words("advise");
-  words.Option("--program", ThisProgram());
-  words.Option("--plugin", invocation.plugins);
+  ReportWords words("advise", invocation.plugins);
   words.Option("--mix", options.mix);
   words.Option("--rays", options.rays);
   words.Option("--max-error", options.max_error);

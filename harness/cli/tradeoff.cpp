@@ -98,9 +98,7 @@ void AddOptions(CLI::App& command, TradeoffOptions& options) {
 
 int Tradeoff(const TradeoffOptions& options, const Registry& registry, const Invocation& invocation) {
   if (options.structure) ParseContestant(registry, *options.structure);
-  ReportWords words("tradeoff");
-  words.Option("--program", ThisProgram());
-  words.Option("--plugin", invocation.plugins);
+  ReportWords words("tradeoff", invocation.plugins);
   words.Option("--knobs", options.knobs);
   words.Option("--suite", options.suite);
   words.Option("--size", options.size);

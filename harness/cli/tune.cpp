@@ -74,9 +74,7 @@ void AddTuneOptions(CLI::App& command, TuneOptions& options) {
 int Tune(const TuneOptions& options, const Registry& registry, const Invocation& invocation) {
   ParseContestant(registry, options.structure);  // one line about what is wrong, before a scene is loaded
   ParseMix(options.mix);
-  ReportWords words("tune");
-  words.Option("--program", ThisProgram());
-  words.Option("--plugin", invocation.plugins);
+  ReportWords words("tune", invocation.plugins);
   words.Option("--structure", options.structure);
   words.Option("--mix", options.mix);
   words.Option("--rays", options.rays);

@@ -1,4 +1,4 @@
-// A command of the Python part, from options that were read already.
+// A command of the Python part that starts this program in turn, from options that were read already.
 #pragma once
 
 #include <fmt/format.h>
@@ -8,12 +8,18 @@
 #include <type_traits>
 #include <vector>
 
+#include "harness/results/python.h"
+
 namespace raybench {
 
 /// The words for Reports::Run(). Options go as NAME=VALUE, so that no value is taken for an option's name.
 class ReportWords {
  public:
-  explicit ReportWords(const char* command) : words_{command} {}
+  /// `plugins`: shared libraries that this program is to load there, too.
+  ReportWords(const char* command, const std::vector<std::string>& plugins) : words_{command} {
+    Option("--program", ThisProgram());
+    Option("--plugin", plugins);
+  }
 
   /// Adds an option; nothing where it was not given: an optional without a value, an empty text outside of one, a
   /// false flag. A list is an option repeated.

@@ -61,19 +61,20 @@ def _run(program, scene, names, sets, settings, each, folder, phase):
     """Times all structures on the very same rays; how many. `raybench run` times what is slow on a part of its rays, which
     caches and predictors of branches favour the more the smaller it is. So few rays are timed first, and then as many as
     the slowest can do; where that was too many, all are timed again."""
-    measure = lambda rays, *more: program.run(
-        "run", scene, "--structures", names, "--sets", ",".join(sets), *_numbers(settings, rays), *more, "--no-report",
-        "--out", folder, allowed=(0, 1), phase=phase,
-    )  # fmt: skip
-    rays, whole = settings.rays, phase
+
+    def measure(rays, how, *more):
+        program.run(
+            "run", scene, "--structures", names, "--sets", ",".join(sets), *_numbers(settings, rays), *more, "--no-report",
+            "--out", folder, allowed=(0, 1), phase=f"{phase}, {how}",
+        )  # fmt: skip
+
+    rays = settings.rays
     if rays > FEWEST_RAYS:
-        phase = f"{whole}, a first look"
-        measure(FEWEST_RAYS, "--budget", FEWEST_SECONDS, "--repetitions", 1)
+        measure(FEWEST_RAYS, "a first look", "--budget", FEWEST_SECONDS, "--repetitions", 1)
         rays = min(rays, _affordable(folder, settings, each))
     while True:
         shutil.rmtree(folder, ignore_errors=True)
-        phase = f"{whole}, {rays:,} rays a set"
-        measure(rays, "--budget", f"{each:.4g}", "--repetitions", settings.repetitions)
+        measure(rays, f"{rays:,} rays a set", "--budget", f"{each:.4g}", "--repetitions", settings.repetitions)
         cases = _timed(folder)
         if (cases["timed_rays"] == cases["rays"]).all() or rays <= FEWEST_RAYS:
             return rays
