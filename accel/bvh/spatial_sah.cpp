@@ -324,18 +324,18 @@ class SpatialBuilder {
         above.Extend(crossing);
       }
     }
-    const float extent = LargestExtent(whole.lo, whole.hi);
+    const Vec3f extent = whole.Extent();
     return {Clip(left, below, extent), Clip(right, above, extent)};
   }
 
-  Box4 Clip(const Box4& box, const Part& part, float extent) const {
+  Box4 Clip(const Box4& box, const Part& part, Vec3f extent) const {
     if (part.lo.x > part.hi.x) return Box4::Empty();
     Bounds3 b;
     for (int a = 0; a < 3; ++a) {
       b.lo[a] = RoundDown(part.lo[a]);
       b.hi[a] = -RoundDown(-part.hi[a]);
     }
-    if (padded_) b = PaddedBounds(b.lo, b.hi, extent);
+    if (padded_) b = Padded(b, extent);
     const Float4 zero{};  // -0 becomes 0
     return {Larger<4>(Float4{b.lo.x, b.lo.y, b.lo.z, 0} + zero, box.lo),
             Smaller<4>(Float4{b.hi.x, b.hi.y, b.hi.z, 0} + zero, box.hi)};

@@ -74,7 +74,7 @@ KdParts SplitRef(const rb_geometry& geometry, const KdRef& ref, int axis, const 
   }
   double pad = 0;
   if (padded) {
-    const Bounds3 box = PaddedBounds(tight.lo, tight.hi);
+    const Bounds3 box = PaddedBounds(tight);
     for (int a = 0; a < 3; ++a)
       pad = std::max({pad, double(tight.lo[a]) - box.lo[a], double(box.hi[a]) - tight.hi[a]});
   }

@@ -5,14 +5,20 @@
 // monotone, so the interval of a box contains the interval of each box inside it.
 //
 // Nothing that the triangle test accepts may be culled. That takes more than Ize's (2013) far * (1 + 2
-// gamma_3), which covers the errors of this test alone. Let u = 2^-24, p the exact hit point and E the
-// triangle's largest extent. Woop's sheared vertex fl(fl(A.x-o.x) - fl(Sx fl(A.z-o.z))) is off by at most 2 u
-// |A.x-o.x| + 4 u |Sx (A.z-o.z)|, and both |A.x-o.x| and |Sx (A.z-o.z)| are at most |p.x-o.x| + E. Given
-// sheared vertices the signs of the edge functions are exact, so an accepted ray passes the triangle's box
-// within 6 u |p.x-o.x| + 6 u E along x and y, and within its z extent. The first term moves t by 6 u
-// relatively, the slab arithmetic by 3 u more, at either end: the far end is scaled by 1 + 32 u. The second
-// does not depend on the ray: a triangle's box is padded by 16 u E when the tree is built, or by an ulp of
-// the coordinate where that is more; rounding takes at most half of it back.
+// gamma_3), which covers the errors of this test alone. Let u = 2^-24, o the origin, z the ray's main axis, S = d.x / d.z,
+// |S| <= 1, and a = A.x - o.x, b = A.z - o.z for each vertex A. Woop's sheared x = fl(fl(a) - fl(fl(S) fl(b))) is
+// a (1 + d1) - S b (1 + d2) (1 + d3) (1 + d4), times 1 + d5, each |d| <= u, and d3, the slope's, is the same at all
+// vertices. Given sheared vertices the signs of the edge functions are exact, so an accepted ray passes through them: there
+// are weights, none negative, of sum 1, for which their weighted sum is 0. Let p be that sum of the true vertices, a point of
+// the triangle, and D = |S (p.z - o.z)| how far the ray goes along x. At p.z the ray is |sum of weights (x - true x)| beside
+// p. Numbers from an interval lie half its length from their mean in the mean, at most. So with e the triangle's extent
+// along x and E its largest one, d1 gives u (|p.x - o.x| + e / 2), d2 and d4 give u (2 D + E), d3 gives u D, and d5,
+// since the sheared x are 0 in the mean, u (e + E) / 2. Where the product underflows, it is off by no more than u |a|
+// (RayShear), u (|p.x - o.x| + e / 2) again. In all: the ray passes p within 5 u D + 1.5 u (e + E) on x, on y likewise, and
+// exactly at its z. The first term moves t by 5 u relatively, the slab arithmetic by 3 u more, at either end: the far
+// end is scaled by 1 + 32 u. The second does not depend on the ray: when the tree is built, a triangle's box is padded by it
+// and by half an ulp of the coordinate, which rounding may take back; so the box of a triangle that is large, or near 0, ends
+// closer to it than origins of rays that leave it begin.
 //
 // Tests in double and exact ones find t itself to within rounding. Their t must not be clamped into an
 // interval that float arithmetic computed (ray/primitive.h), so the near end is scaled too, by 1 - 32 u: then
@@ -41,29 +47,33 @@
 
 namespace raybench {
 
-/// The box from lo to hi, padded as above for a triangle of that extent; at least by one ulp of each
-/// coordinate, since less would be rounded away.
-inline Bounds3 PaddedBounds(Vec3f lo, Vec3f hi, float extent) {
-  const float pad = std::max(extent * 0x1p-20f, std::numeric_limits<float>::denorm_min());
-  Bounds3 b;
-  for (int a = 0; a < 3; ++a) {
-    b.lo[a] = lo[a] - std::max(pad, std::fabs(lo[a]) * 0x1p-23f);
-    b.hi[a] = hi[a] + std::max(pad, std::fabs(hi[a]) * 0x1p-23f);
-  }
-  return b;
-}
-
 inline float LargestExtent(Vec3f lo, Vec3f hi) {
   const Vec3f e = hi - lo;
   return std::max(e.x, std::max(e.y, e.z));
 }
 
-/// The same for what fills the box.
-inline Bounds3 PaddedBounds(Vec3f lo, Vec3f hi) { return PaddedBounds(lo, hi, LargestExtent(lo, hi)); }
+/// 1.5 u and u, with a little more for what is rounded here.
+inline constexpr float kPadding = 0x1.9p-24f, kHalfUlp = 0x1.000004p-24f;
+
+/// The box, padded as above for a triangle of these extents; at least by one ulp of each coordinate, since
+/// less would be rounded away.
+inline Bounds3 Padded(const Bounds3& box, Vec3f extent) {
+  const float most = std::max(extent.x, std::max(extent.y, extent.z)) * kPadding;
+  Bounds3 b;
+  for (int a = 0; a < 3; ++a) {
+    const float pad = std::max(extent[a] * kPadding + most, std::numeric_limits<float>::denorm_min());
+    b.lo[a] = box.lo[a] - (pad + std::fabs(box.lo[a]) * kHalfUlp);
+    b.hi[a] = box.hi[a] + (pad + std::fabs(box.hi[a]) * kHalfUlp);
+  }
+  return b;
+}
+
+/// The same for what fills the box; for other things than triangles `times` as much.
+inline Bounds3 PaddedBounds(const Bounds3& box, float times = 1) { return Padded(box, box.Extent() * times); }
 
 /// The triangle's bounds, padded.
 inline Bounds3 PaddedBounds(Vec3f p0, Vec3f p1, Vec3f p2) {
-  return PaddedBounds(Min(Min(p0, p1), p2), Max(Max(p0, p1), p2));
+  return PaddedBounds(Bounds3{Min(Min(p0, p1), p2), Max(Max(p0, p1), p2)});
 }
 
 /// What builders must enclose so that conservative traversal finds the primitive. Procedural primitives bring

@@ -188,12 +188,13 @@ class WatertightLanes {
       hi[a] = Larger<kLanes>(p0, Larger<kLanes>(p1, p2));
     }
     const F extent = Larger<kLanes>(hi[0] - lo[0], Larger<kLanes>(hi[1] - lo[1], hi[2] - lo[2]));
-    const F pad = Larger<kLanes>(extent * 0x1p-20f, Splat<F>(std::numeric_limits<float>::denorm_min()));
+    const F most = extent * kPadding, least = Splat<F>(std::numeric_limits<float>::denorm_min());
     constexpr float kInf = std::numeric_limits<float>::infinity();
     tnear = Splat<F>(-kInf), tfar = Splat<F>(kInf);
     for (int a = 0; a < 3; ++a) {
-      lo[a] = lo[a] - Larger<kLanes>(pad, Abs(lo[a]) * 0x1p-23f);
-      hi[a] = hi[a] + Larger<kLanes>(pad, Abs(hi[a]) * 0x1p-23f);
+      const F pad = Larger<kLanes>((hi[a] - lo[a]) * kPadding + most, least);
+      lo[a] = lo[a] - (pad + Abs(lo[a]) * kHalfUlp);
+      hi[a] = hi[a] + (pad + Abs(hi[a]) * kHalfUlp);
       const I upper_first = Splat<I>(-int32_t(slab.negative(a)));
       const F first = upper_first ? hi[a] : lo[a], second = upper_first ? lo[a] : hi[a];
       tnear = Larger<kLanes>((first - Splat<F>(slab.org[a])) * Splat<F>(slab.inv_near[a]), tnear);

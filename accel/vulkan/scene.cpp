@@ -153,7 +153,7 @@ void SceneOnDevice::BuildBottoms(const rb_geometry& geometry, const rb_build_opt
     if (i % 4096 == 0) CheckCancel(options.cancel);
     const Bounds3 box = PrimBounds(geometry, uint32_t(geometry.triangle_count + i));
     // Whether a driver's box test is conservative is not known: a little more room.
-    const Bounds3 b = PaddedBounds(box.lo, box.hi);
+    const Bounds3 b = PaddedBounds(box, 8);
     boxes[i] = {b.lo.x, b.lo.y, b.lo.z, b.hi.x, b.hi.y, b.hi.z};
   }
   const Buffer bounds = Uploaded(boxes.data(), boxes.size() * sizeof boxes[0], kInput);

@@ -393,5 +393,45 @@ TEST(RayBounds, AcceptedHitsLieInThePaddedBoxOfLongTrianglesToo) {
   EXPECT_GT(outside_unpadded, 0u) << "the triangles are not long enough to need the padding";
 }
 
+TEST(RayBounds, AcceptedHitsLieInThePaddedBoxOfFlatAndOfFarTriangles) {
+  // Edges in a face of the box, and rays that begin near them and pass them at about the distance by which the shear
+  // moves them. Flat triangles at 0 have nothing but the padding; far from 0, rounding eats it.
+  for (const bool is_flat : {true, false}) {
+    for (const float far : {0.0f, 1.0f, 8.0f}) {
+      Random random(32);
+      const auto sign = [&] { return random.Below(2) != 0 ? 1.0f : -1.0f; };
+      const auto some = [&](double length) {
+        return ToFloat(random.UnitVector() * (length * random.NextDouble()));
+      };
+      size_t accepted = 0, outside_unpadded = 0;
+      for (int i = 0; i < 300000; ++i) {
+        const int axis = int(random.Below(3)), next = (axis + 1) % 3, last = (axis + 2) % 3;
+        Vec3f p[3];
+        p[0] = p[1] = p[2] = ToFloat(random.UnitVector() * double(far));
+        p[1][next] += sign() * random.NextFloat(), p[2][last] += sign() * random.NextFloat();
+        if (!is_flat) p[1][axis] += sign() * random.NextFloat();
+        const size_t corner = random.Below(3);
+        const double along = random.Below(3) != 0 ? random.NextDouble() : double(random.Below(2));
+        const Vec3f target =
+            ToFloat(ToDouble(p[corner]) * along + ToDouble(p[(corner + 1) % 3]) * (1 - along)) +
+            some(0x1p-21);
+        const Vec3f org = target + some(std::ldexp(2.0, -int(random.Below(24)))), d = target - org;
+        if (d == Vec3f{0, 0, 0}) continue;
+        const rb_ray ray{{org.x, org.y, org.z}, 0, {d.x, d.y, d.z}, INFINITY};
+        PrimHit hit;
+        if (!WatertightTest(ray).Intersect(p[0], p[1], p[2], hit)) continue;
+        ++accepted;
+        float n, f;
+        SlabRay(ray, Slack::kFarEnd).Interval(PaddedBounds(p[0], p[1], p[2]), n, f);
+        ASSERT_LE(n, f) << i;
+        SlabRay(ray, Slack::kFarEnd).Interval({Min(Min(p[0], p[1]), p[2]), Max(Max(p[0], p[1]), p[2])}, n, f);
+        outside_unpadded += n > f;
+      }
+      EXPECT_GT(accepted, 50000u);
+      EXPECT_GT(outside_unpadded, 0u) << is_flat << " " << far << ": nothing needs the padding";
+    }
+  }
+}
+
 }  // namespace
 }  // namespace raybench::testing

@@ -15,7 +15,7 @@ struct WideningSlab : SlabRay {
     for (int a = 0; a < 3; ++a) across[a] = ray.dir[a] == 0;
   }
   Bounds3 Widened(const Bounds3& box) const {
-    Bounds3 wide = PaddedBounds(box.lo, box.hi);
+    Bounds3 wide = PaddedBounds(box);
     for (int a = 0; a < 3; ++a) {
       if (across[a]) wide.lo[a] = box.lo[a], wide.hi[a] = box.hi[a];
     }
