@@ -81,6 +81,17 @@ template <int kWidth>
   return Mask(a < b);
 }
 
+/// max(|a|, |b|) of numbers.
+template <int kWidth>
+[[gnu::always_inline]] inline FloatN<kWidth> LargerMagnitude(FloatN<kWidth> a, FloatN<kWidth> b) {
+#if defined(__AVX512DQ__) && defined(__AVX512VL__)
+  constexpr int kLargerWithoutSign = 0b1011;
+  if constexpr (kWidth == 4) return _mm_range_ps(a, b, kLargerWithoutSign);
+  if constexpr (kWidth == 8) return _mm256_range_ps(a, b, kLargerWithoutSign);
+#endif
+  return Larger<kWidth>(Abs(a), Abs(b));
+}
+
 /// Small integers as floats.
 template <int kWidth, class Grid>
 [[gnu::always_inline]] inline FloatN<kWidth> FloatsOf(const Grid* p) {

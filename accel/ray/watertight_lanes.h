@@ -30,6 +30,7 @@ class WatertightLanes {
     least_z_ = ordinary(sx_) & ordinary(sy_) ? kLeast : std::numeric_limits<float>::infinity();
     before_ = ray.tnear >= 0 && query.after == RAYBENCH_NONE ? ray.tnear * dz_
                                                              : std::numeric_limits<float>::quiet_NaN();
+    reach_ = std::fabs(before_) + 0x1p-120f;
   }
 
   /// Takes triangles of the lanes in `asked` into `best`, of the query and the slab that this was made of. True if it
@@ -136,12 +137,12 @@ class WatertightLanes {
   /// Lanes whose hit lies before tnear for sure, as that of the triangle does on which a secondary ray starts: in
   /// float, where Decide takes four times as long.
   ///
-  /// Let u, v, w have one sign, that of d = u + v + w (else the ray passes the triangle, and nothing is lost). Then
-  /// the hit is before tnear exactly if s (u (z0 - T) + v (z1 - T) + w (z2 - T)) / d < 0 with T = tnear dz, s the sign
-  /// of dz. With p = max |x| max |y|, float errs in u, v, w by 2^-22 p each, and in the sum by less than
-  /// 2^-19 p (max |z - T| + |T|), but for underflow, for which little is added. Decide's t is then below tnear by more than it errs, and clamped stays below it,
-  /// since no side of the box that the ray enters by lies ahead of the origin. That takes tnear >= 0; T is NaN where
-  /// this does not hold, or where a hit at tnear may count.
+  /// Let u, v, w have one sign, that of d = u + v + w (else the ray passes the triangle, and nothing is lost). Then the hit is
+  /// before tnear exactly if s (u z0 + v z1 + w z2 - T d) / d < 0 with T = tnear dz, s the sign of dz. With p = max |x| max |y|,
+  /// float errs in u, v, w by 2^-22 p each, and in the sum by less than 2^-18 p (max |z| + |T|), fused or not, but for
+  /// underflow, for which little is added. Decide's t is then below tnear by more than it errs, and clamped stays below it, since
+  /// no side of the box that the ray enters by lies ahead of the origin. That takes tnear >= 0; T is NaN where this does not
+  /// hold, or where a hit at tnear may count.
   template <class Block>
   [[gnu::always_inline]] unsigned Behind(const Block& block, const Sheared<LanesOf<Block>>& s,
                                          FloatN<LanesOf<Block>> u, FloatN<LanesOf<Block>> v,
@@ -149,29 +150,29 @@ class WatertightLanes {
     constexpr int kLanes = LanesOf<Block>;
     using F = FloatN<kLanes>;
     using I = IntN<kLanes>;
-    const F ahead = Larger<kLanes>(
-        First(block, kx_, org_x_, sign_x_),
-        Larger<kLanes>(First(block, ky_, org_y_, sign_y_), First(block, kz_, org_z_, sign_z_)));
-    const auto most = [](F a, F b, F c) { return Larger<kLanes>(Abs(a), Larger<kLanes>(Abs(b), Abs(c))); };
-    const F before = Splat<F>(before_);
-    const F z0 = s.z[0] - before, z1 = s.z[1] - before, z2 = s.z[2] - before;
-    const F p = most(s.x[0], s.x[1], s.x[2]) * most(s.y[0], s.y[1], s.y[2]);
-    const F d = (u + v) + w, sum = (u * z0 + v * z1) + w * z2;
-    const F signed_sum = F(I(sum) ^ (I(d) & int32_t(0x80000000)) ^ sign_z_);
-    const F error = p * ((most(z0, z1, z2) + (Abs(before) + 0x1p-120f)) * 0x1p-18f) + 0x1p-100f;
-    return Less<kLanes>(signed_sum, -error) & Less<kLanes>(p * 0x1p-18f + Splat<F>(RayShear::kTiny), Abs(d)) &
-           LessEqual<kLanes>(ahead, F{});
+    const auto most = [](const F(&of)[3]) {
+      return LargerMagnitude<kLanes>(of[0], LargerMagnitude<kLanes>(of[1], of[2]));
+    };
+    const F p = most(s.x) * most(s.y) * 0x1p-18f;
+    const F d = (u + v) + w;
+    const F sum = MultiplyAdd<kLanes>(
+        u, s.z[0], MultiplyAdd<kLanes>(v, s.z[1], MultiplyAdd<kLanes>(d, Splat<F>(-before_), w * s.z[2])));
+    const I signed_sum = I(sum) ^ (I(d) & int32_t(0x80000000)) ^ sign_z_;
+    const F error = MultiplyAdd<kLanes>(p, most(s.z) + Splat<F>(reach_), Splat<F>(0x1p-100f));
+    const I begun = Begun(block, kx_, org_x_, sign_x_) & Begun(block, ky_, org_y_, sign_y_) &
+                    Begun(block, kz_, org_z_, sign_z_);
+    return Mask((F(signed_sum) < -error) & (p + RayShear::kTiny < Abs(d)) & begun);
   }
 
-  /// How far ahead of the origin, along the axis in the ray's sense, triangles begin.
+  /// Lanes, by their sign bits, whose triangle begins before the origin along the axis, in the ray's sense.
   template <class Block>
-  [[gnu::always_inline]] static FloatN<LanesOf<Block>> First(const Block& block, unsigned axis, float org,
-                                                             int32_t sign) {
+  [[gnu::always_inline]] static IntN<LanesOf<Block>> Begun(const Block& block, unsigned axis, float org,
+                                                           int32_t sign) {
     constexpr int kLanes = LanesOf<Block>;
     using F = FloatN<kLanes>;
-    F from[3];
-    for (int c = 0; c < 3; ++c) from[c] = F(IntN<kLanes>(Load<F>(block.v[c][axis]) - Splat<F>(org)) ^ sign);
-    return Smaller<kLanes>(from[0], Smaller<kLanes>(from[1], from[2]));
+    using I = IntN<kLanes>;
+    const auto from = [&](int corner) { return I(Load<F>(block.v[corner][axis]) - Splat<F>(org)) ^ sign; };
+    return from(0) | from(1) | from(2);
   }
 
   /// Of PaddedBounds of the triangles, as SlabRay::Interval has it.
@@ -211,7 +212,7 @@ class WatertightLanes {
 
   unsigned kx_, ky_, kz_;
   float org_x_, org_y_, org_z_, sx_, sy_, dz_, least_z_;
-  float before_;  // tnear dz; NaN: nothing is before it
+  float before_, reach_;  // tnear dz, NaN: nothing is before it; and |tnear dz|, for the error
   int32_t sign_x_, sign_y_, sign_z_;
 };
 
