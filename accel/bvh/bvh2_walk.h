@@ -16,7 +16,7 @@ class NodeTest {
   [[gnu::always_inline]] NodeTest(const SlabRay& slab, float widening) {
     Float4 near = slab.inv_near * widening, exit = -slab.inv_far, near_move = slab.org, exit_move = slab.org;
     if constexpr (kMoved) {
-      const MovedSlab moved(slab, widening);
+      const MovedSlab moved(slab);
       near = moved.near_scale, exit = -moved.far_scale, near_move = moved.near_move,
       exit_move = -moved.far_move;
     }

@@ -122,18 +122,26 @@ void TraceRescaled(RayQuery q, rb_hit& hit, Trace&& trace) {
 
 /// Loops a per-ray function over a batch: trace(any, ray, hit, counter), where `any` is std::true_type for
 /// RB_ANY. `hit` arrives as a miss at tfar. Invalid rays, which the host should not ask about, miss without
-/// being traced. Directions have any length: 1/dir may over- and underflow (ray/bounds.h allows for it).
+/// being traced. Directions have any length: 1/dir may over- and underflow (ray/bounds.h allows for it). A trace that
+/// takes the caller's rb_ray, too, can read it at once: the copy in `ray` was written as a whole a moment ago, and to read it
+/// in other pieces waits for that.
 template <class Counter, class Trace>
 void ForEachRay(const rb_query& query, Trace&& trace) {
   auto run = [&](auto any) {
     for (size_t i = 0; i < query.n; ++i) {
-      RayQuery q{query.rays[i]};
-      if (query.skip != nullptr) q.skip = query.skip[i];
-      if (query.after != nullptr) q.after = query.after[i];
+      const rb_ray& ray = query.rays[i];
+      const RayQuery q{ray, query.skip != nullptr ? query.skip[i] : RAYBENCH_NONE,
+                       query.after != nullptr ? query.after[i] : RAYBENCH_NONE};
       Counter counter;
-      rb_hit hit{q.ray.tfar, 0, 0, RAYBENCH_NONE};
-      if (IsValidRay(q.ray)) [[likely]]
-        trace(any, q, hit, counter);
+      rb_hit hit{ray.tfar, 0, 0, RAYBENCH_NONE};
+      if (IsValidRay(ray)) [[likely]] {
+        if constexpr (std::is_invocable_v<Trace&, decltype(any), const RayQuery&, rb_hit&, Counter&,
+                                          const rb_ray&>) {
+          trace(any, q, hit, counter, ray);
+        } else {
+          trace(any, q, hit, counter);
+        }
+      }
       if constexpr (any.value) {
         query.occluded[i] = hit.prim != RAYBENCH_NONE;
       } else {

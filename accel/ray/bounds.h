@@ -87,8 +87,9 @@ inline Bounds3 PaddedPrimBounds(const rb_geometry& g, uint32_t prim) {
 struct SlabRay {
   static constexpr float kNearScale = 1 - 0x1p-19f;
 
-  Float4 org;
-  Float4 inv_near, inv_far;  ///< 1/d; the near one stays finite
+  Float4 org, dir;
+  Float4 inv;                ///< 1/d
+  Float4 inv_near, inv_far;  ///< the same, scaled; the near one stays finite
   unsigned signs;            ///< bit a: the sign bit of d[a]
 
   [[gnu::always_inline]] SlabRay(const rb_ray& ray, Slack slack) {
@@ -96,7 +97,7 @@ struct SlabRay {
     const float near_scale = slack == Slack::kBothEnds ? kNearScale : 1;
     const float far_scale = slack == Slack::kNone ? 1 : 1 + 0x1p-19f;
     org = Load<Float4>(ray.org);
-    const Float4 dir = Load<Float4>(ray.dir), inv = 1 / dir;
+    dir = Load<Float4>(ray.dir), inv = 1 / dir;
     signs = Mask(dir) & 7u;
     const Int4 sign = Int4(inv) & int32_t(0x80000000);
     inv_near = Float4(Int4(Smaller<4>(Abs(inv), Splat<Float4>(kMax))) | sign) * near_scale;
@@ -130,26 +131,28 @@ struct SlabRay {
 /// A SlabRay for tests that take t = p scale + move, one instruction where t = (p - o) / d takes two.
 ///
 /// That errs by 2^-23 |o / d| more than (p - o) / d does, however close p is to o. So the product o / d is moved outward
-/// by 2^-22 of itself, and 1/d by 2^-21, once a ray: then the interval of a box contains the one that SlabRay computes
-/// of it (with u = 2^-24: relative errors of at most 2 u there and 3 u here; 2 u |o / d| here; a near end below zero
-/// may move up, but stays below zero). Boxes grow by no more than the coordinates of the origin are worth. No plane, be
-/// it infinite, gives NaN.
+/// by 2^-22 of itself, and 1/d by 2^-18, once a ray, whatever the slack and Widened(), but none: then the interval of a box
+/// contains the one that SlabRay computes of it (with u = 2^-24: 32 u there, and relative errors of at most 2 u there and
+/// 4 u here; 2 u |o / d| here; a near end below zero may move up, but stays below zero). Boxes grow by no more than the
+/// coordinates of the origin are worth. No plane, be it infinite, gives NaN. A ray begins by waiting for its division: only
+/// two products follow that.
 struct MovedSlab {
   Float4 near_scale, far_scale, near_move, far_move;
 
   /// Neither do products overflow, nor does o / d underflow: else the above does not hold.
   static bool Fits(const SlabRay& slab) {
     constexpr float kMost = 0x1p60f;
-    const Float4 inv = Abs(slab.inv_far), org = Abs(slab.org);
+    const Float4 inv = Abs(slab.inv), org = Abs(slab.org);
     return (Mask((inv < kMost) & (inv > 1 / kMost) & (org < kMost) & ((org > 1 / kMost) | (org == 0.0f))) &
             7u) == 7u;
   }
 
-  /// `widening` scales the near ends, as SlabRay::Widened() does.
-  [[gnu::always_inline]] explicit MovedSlab(const SlabRay& slab, float widening = 1)
-      : near_scale(slab.inv_near * widening * (1 - 0x1p-21f)), far_scale(slab.inv_far * (1 + 0x1p-21f)) {
-    const Float4 on = slab.org * near_scale, of = slab.org * far_scale;
-    near_move = -on - Abs(on) * 0x1p-22f, far_move = -of + Abs(of) * 0x1p-22f;
+  [[gnu::always_inline]] explicit MovedSlab(const SlabRay& slab)
+      : near_scale(slab.inv * (1 - 0x1p-18f)), far_scale(slab.inv * (1 + 0x1p-18f)) {
+    // With the sign of o / d.
+    const Int4 sign = (Int4(slab.org) ^ Int4(slab.dir)) & int32_t(0x80000000);
+    const Float4 outward = Float4(sign | Int4(Splat<Float4>(0x1p-22f)));
+    near_move = slab.org * (-1.0f - outward) * near_scale, far_move = slab.org * (outward - 1.0f) * far_scale;
   }
 };
 

@@ -12,11 +12,11 @@ class WideRay {
  public:
   using F = FloatN<kWidth>;
 
-  /// `widening` scales the near ends, as SlabRay::Widened() does.
+  /// `widening` scales the near ends, as SlabRay::Widened() does; MovedSlab allows for it.
   [[gnu::always_inline]] explicit WideRay(const SlabRay& slab, float widening = 1) {
     Float4 n = slab.inv_near * widening, f = slab.inv_far, near_move = slab.org, far_move = slab.org;
     if constexpr (kMoved) {
-      const MovedSlab moved(slab, widening);
+      const MovedSlab moved(slab);
       n = moved.near_scale, f = moved.far_scale, near_move = moved.near_move, far_move = moved.far_move;
     }
     for (unsigned a = 0; a < 3; ++a) {

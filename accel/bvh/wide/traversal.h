@@ -191,62 +191,78 @@ class WideBvhOf final : public WideBvh {
     constexpr bool kMayMove = !Counter::kCounts && Test::kSlack != Slack::kNone;
     constexpr bool kInline = !Counter::kCounts && RayState<Test>::kInLanes;
     const bool in_lanes = kInline && HoldsTriangles();
-    ForEachRay<Counter>(query, [&](auto any, const RayQuery& q, rb_hit& best, Counter& counter) {
-      const SlabRay slab(q.ray, Test::kSlack);
-      // Not a second SlabRay: read whole, what was just written in parts waits for the memory.
-      const float widening = NearWidening(Test::kSlack);
-      const auto trace = [&](const auto& make_leaf) {
-        if constexpr (kMayMove) {
-          if (MovedSlab::Fits(slab)) [[likely]] {
-            Trace<any.value>(WideRay<kWidth, true>(slab, widening), make_leaf, q, best, counter);
-            return;
+    ForEachRay<Counter>(
+        query, [&](auto any, const RayQuery& q, rb_hit& best, Counter& counter, const rb_ray& original) __attribute__((always_inline)) {
+          if constexpr (kInline) {
+            if (in_lanes) {
+              if constexpr (any.value) {
+                TraceInLanes<Test, true, kMayMove>(q, original, best);
+              } else {
+                TraceInLanesApart<Test, kMayMove>(q, original, best);
+              }
+              return;
+            }
           }
-        }
-        Trace<any.value>(WideRay<kWidth, false>(slab, widening), make_leaf, q, best, counter);
-      };
-      if constexpr (kInline) {
-        if (in_lanes) {
-          trace([&]() [[gnu::always_inline]] { return InlinedLeafTest<kLanes, Test>(q, slab, needs_uv_); });
-          return;
-        }
+          TraceApart<Test, any.value, kMayMove>(q, best, counter);
+        });
+  }
+
+  template <class Test, bool kAnyHit, bool kMayMove>
+  [[gnu::always_inline]] void TraceInLanes(const RayQuery& q, const rb_ray& original, rb_hit& best) const {
+    const SlabRay slab(original, Test::kSlack);
+    if (kMayMove && !MovedSlab::Fits(slab)) [[unlikely]] {
+      TraceUnmoved<Test, kAnyHit>(q, slab, best);
+      return;
+    }
+    const auto make_leaf = [&]() [[gnu::always_inline]] {
+      return InlinedLeafTest<kLanes, Test>(q, slab, needs_uv_);
+    };
+    NoCounting counter;
+    TraceHere<kAnyHit>(WideRay<kWidth, kMayMove>(slab, NearWidening(Test::kSlack)), make_leaf, q, best, counter);
+  }
+  template <class Test, bool kMayMove>
+  [[gnu::noinline]] void TraceInLanesApart(const RayQuery& q, const rb_ray& original, rb_hit& best) const {
+    TraceInLanes<Test, false, kMayMove>(q, original, best);
+  }
+
+  /// In lanes, a ray that MovedSlab does not fit.
+  template <class Test, bool kAnyHit>
+  [[gnu::noinline]] void TraceUnmoved(const RayQuery& q, const SlabRay& slab, rb_hit& best) const {
+    NoCounting counter;
+    const auto make_leaf = [&]() [[gnu::always_inline]] {
+      return InlinedLeafTest<kLanes, Test>(q, slab, needs_uv_);
+    };
+    TraceHere<kAnyHit>(WideRay<kWidth, false>(slab, NearWidening(Test::kSlack)), make_leaf, q, best, counter);
+  }
+
+  /// Whatever is asked seldom: leaves are tested by a call, in a loop that is shared by several tests.
+  template <class Test, bool kAnyHit, bool kMayMove, class Counter>
+  [[gnu::noinline]] void TraceApart(const RayQuery& q, rb_hit& best, Counter& counter) const {
+    const RayState<Test> state(q);
+    const CalledLeafTest<kLanes> leaf(state, geometry_, codec_);
+    const float widening = NearWidening(Test::kSlack);
+    if constexpr (kMayMove) {
+      if (MovedSlab::Fits(state.slab)) [[likely]] {
+        TraceByCalls<kAnyHit>(WideRay<kWidth, true>(state.slab, widening), leaf, q, best, counter);
+        return;
       }
-      const RayState<Test> state(q);
-      trace(Made{CalledLeafTest<kLanes>(state, geometry_, codec_)});
-    });
+    }
+    TraceByCalls<kAnyHit>(WideRay<kWidth, false>(state.slab, widening), leaf, q, best, counter);
+  }
+  template <bool kAnyHit, class Ray, class Counter>
+  [[gnu::noinline]] void TraceByCalls(const Ray& ray, const CalledLeafTest<kLanes>& leaf, const RayQuery& q,
+                                      rb_hit& best, Counter& counter) const {
+    TraceHere<kAnyHit>(ray, [&]() -> const CalledLeafTest<kLanes>& { return leaf; }, q, best, counter);
   }
 
   float NearWidening(Slack slack) const { return clipped_ ? SlabRay::Widening(slack) : 1; }
 
   /// With WatertightTest, a ray that MovedSlab does not fit.
   template <bool kAnyHit>
-  [[gnu::noinline]] void TraceAlone(const RayQuery& q, rb_hit& best) const {
-    NoCounting counter;
-    const RayState<WatertightTest> state(q);
-    Trace<kAnyHit>(WideRay<kWidth, false>(state.slab, NearWidening(WatertightTest::kSlack)),
-                   Made{CalledLeafTest<kLanes>(state, geometry_, nullptr)}, q, best, counter);
+  void TraceAlone(const RayQuery& q, rb_hit& best) const {
+    TraceUnmoved<WatertightTest, kAnyHit>(q, SlabRay(q.ray, WatertightTest::kSlack), best);
   }
 
-  /// In place of what makes a leaf test when the first node was met: one that is shared by several tests.
-  struct Made {
-    CalledLeafTest<kLanes> leaf;
-    const CalledLeafTest<kLanes>& operator()() const { return leaf; }
-  };
-
-  /// A loop that is shared by several tests stands apart, once.
-  template <bool kAnyHit, class Ray, class MakeLeaf, class Counter>
-  [[gnu::always_inline]] void Trace(const Ray& ray, const MakeLeaf& make_leaf, const RayQuery& q,
-                                    rb_hit& best, Counter& counter) const {
-    if constexpr (std::is_same_v<MakeLeaf, Made>) {
-      TraceApart<kAnyHit>(ray, make_leaf, q, best, counter);
-    } else {
-      TraceHere<kAnyHit>(ray, make_leaf, q, best, counter);
-    }
-  }
-  template <bool kAnyHit, class Ray, class MakeLeaf, class Counter>
-  [[gnu::noinline]] void TraceApart(const Ray& ray, const MakeLeaf& make_leaf, const RayQuery& q,
-                                    rb_hit& best, Counter& counter) const {
-    TraceHere<kAnyHit>(ray, make_leaf, q, best, counter);
-  }
   template <bool kAnyHit, class Ray, class MakeLeaf, class Counter>
   [[gnu::always_inline]] void TraceHere(const Ray& ray, const MakeLeaf& make_leaf, const RayQuery& q,
                                         rb_hit& best, Counter& counter) const {
