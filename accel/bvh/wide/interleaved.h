@@ -125,7 +125,7 @@ class Interleaved {
   [[gnu::always_inline]] unsigned Meets(const Flight& f, uint32_t ref, F& entry) const {
     const auto& node = tree_.NodeOf(ref);
     const F tnear = Splat<F>(f.query.ray.tnear + 0.0f), tfar = Splat<F>(f.best.t);
-    return f.boxes.Meets([&](unsigned row) { return node.Row(row); }, tnear, tfar, entry);
+    return node.WithChild(f.boxes.Meets([&](unsigned row) { return node.Row(row); }, tnear, tfar, entry));
   }
 
   [[gnu::always_inline]] void StepNode(Flight& f) {
@@ -137,7 +137,7 @@ class Interleaved {
     } else if (children != 0) {
       const unsigned i = LaneOfLeast<kWidth>(entry, children);
       f.Push(ref, entry, children & ~(1u << i));
-      Go(f, tree_.NodeOf(ref).child[i]);
+      Go(f, tree_.ChildOf(tree_.NodeOf(ref), i));
       return;
     }
     Advance(f);
@@ -194,7 +194,7 @@ class Interleaved {
     } else {
       i = LaneOfLeast<kWidth>(top->entry, children);
     }
-    const uint32_t ref = tree_.NodeOf(top->node).child[i];
+    const uint32_t ref = tree_.ChildOf(tree_.NodeOf(top->node), i);
     children &= ~(1u << i);
     top->children = children;
     f.top = top + (children != 0);

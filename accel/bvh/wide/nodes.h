@@ -5,8 +5,11 @@
 // and the sum rounded once, whether fused or not. Quantised boxes enclose the children's by the very arithmetic that
 // traversal uses.
 //
-// A node with fewer children repeats its first one behind the last, in boxes that no ray meets; should rounding make
-// one meet, a child is looked at twice, which changes nothing.
+// A reference is the number of the line at which a child begins; bit 31 tells leaves, and these are the first children.
+// Full nodes hold a reference for each child. The children of a quantised node stand side by side, so that a lane's number
+// tells its reference (one base a node: Ylitie, Karras, Laine 2017).
+//
+// Lanes behind a node's last child have boxes that no ray meets, or, on a grid, hardly any.
 #pragma once
 
 #include <algorithm>
@@ -22,11 +25,27 @@
 
 namespace raybench {
 
+inline constexpr uint32_t kLeafBit = 0x80000000u;
+
 template <int kWidth>
 struct FullNode {
   using F = FloatN<kWidth>;
+  static constexpr bool kSiblingsTogether = false;
+
   float planes[6][kWidth];  // lower x y z, upper x y z
-  uint32_t child[kWidth];
+  uint32_t child[kWidth];   // behind the last one: the first one again
+
+  void SetChildren(std::span<const uint32_t> refs, uint32_t, uint32_t) {
+    for (size_t i = 0; i < kWidth; ++i) child[i] = refs[i < refs.size() ? i : 0];
+  }
+  [[gnu::always_inline]] uint32_t Child(unsigned lane, uint32_t, uint32_t) const { return child[lane]; }
+  [[gnu::always_inline]] const void* References() const { return child; }
+  [[gnu::always_inline]] unsigned WithChild(unsigned lanes) const { return lanes; }
+  unsigned children() const {
+    unsigned n = 1;
+    while (n < kWidth && child[n] != child[0]) ++n;
+    return n;
+  }
 
   void SetBoxes(std::span<const Bounds3> boxes) {
     constexpr float kInf = std::numeric_limits<float>::infinity();
@@ -45,11 +64,29 @@ template <int kWidth, class Grid>
 struct QuantizedNode {
   using F = FloatN<kWidth>;
   static constexpr int kMost = std::numeric_limits<Grid>::max();
+  static constexpr bool kSiblingsTogether = true;
 
   float origin[3];
   uint8_t exponent[4];  // biased, as in a float; the last one is 0
   Grid q[6][kWidth];
-  uint32_t child[kWidth];
+  /// Lane i begins at leaf + i lines of a leaf, or, behind the leaves, at inner + i lines of a node.
+  uint32_t leaf, inner;
+  uint16_t leaves, lanes;  ///< how many; bits of those that have a child
+
+  void SetChildren(std::span<const uint32_t> refs, uint32_t, uint32_t node_lines) {
+    leaves = 0;
+    while (leaves < refs.size() && (refs[leaves] & kLeafBit) != 0) ++leaves;
+    leaf = refs[0] & ~kLeafBit;
+    inner = leaves < refs.size() ? refs[leaves] - leaves * node_lines : 0;
+    lanes = uint16_t((1u << refs.size()) - 1);
+  }
+  [[gnu::always_inline]] uint32_t Child(unsigned lane, uint32_t leaf_lines, uint32_t node_lines) const {
+    return lane < leaves ? kLeafBit | (leaf + lane * leaf_lines) : inner + lane * node_lines;
+  }
+  [[gnu::always_inline]] const void* References() const { return &leaf; }
+  /// A grid that is small beside its distance is met inverted, too.
+  [[gnu::always_inline]] unsigned WithChild(unsigned met) const { return met & lanes; }
+  unsigned children() const { return unsigned(__builtin_popcount(lanes)); }
 
   void SetBoxes(std::span<const Bounds3> boxes) {
     Bounds3 all;

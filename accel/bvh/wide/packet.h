@@ -135,8 +135,7 @@ class Packets {
     alive_ = (1u << n) - 1, has_lanes_ = 0;
     F last_tfar = Splat<F>(LastTfar());
 
-    const auto meets = [&](uint32_t ref, unsigned rays, F& entry) {
-      const auto& node = tree_.NodeOf(ref);
+    const auto meets_lanes = [&](const auto& node, unsigned rays, F& entry) {
       if ((rays & (rays - 1)) == 0) {  // its own numbers
         const unsigned k = unsigned(__builtin_ctz(rays));
         const auto t = [&](const unsigned(&row)[3], const float(&scale)[3][kRays], unsigned a) {
@@ -156,6 +155,10 @@ class Packets {
       };
       return Between(lower(0), lower(1), lower(2), first_tnear, upper(0), upper(1), upper(2), last_tfar,
                      entry);
+    };
+    const auto meets = [&](uint32_t ref, unsigned rays, F& entry) {
+      const auto& node = tree_.NodeOf(ref);
+      return node.WithChild(meets_lanes(node, rays, entry));
     };
     /// Rays that meet child i.
     const auto meeting = [&](uint32_t ref, unsigned i) {
@@ -182,7 +185,7 @@ class Packets {
       }
       const unsigned i = LaneOfLeast<kWidth>(entry, children);
       children &= ~(1u << i);
-      const uint32_t ref = tree_.NodeOf(node).child[i];
+      const uint32_t ref = tree_.ChildOf(tree_.NodeOf(node), i);
       tree_.Prefetch(ref);
       const unsigned going = (rays & (rays - 1)) == 0 ? rays : rays & meeting(node, i);
       if (going == 0) continue;

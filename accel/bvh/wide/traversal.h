@@ -47,19 +47,29 @@ class WideBvhOf final : public WideBvh {
       Fill(0, tree, topology.children[0]);
       return;
     }
-    std::vector<uint32_t> place(node_count_);
+    std::vector<Place> places(node_count_);
     uint64_t lines = 0;
+    const auto take = [&](uint32_t n) {
+      const uint32_t first = uint32_t(std::min<uint64_t>(lines, kLeaf));
+      lines += n;
+      return first;
+    };
+    if (Node::kSiblingsTogether) places[0].node = take(kNodeLines);
     for (uint32_t i = 0; i < node_count_; ++i) {
-      place[i] = uint32_t(std::min<uint64_t>(lines, kLeaf));
-      uint32_t leaves = 0;
-      for (const WideTopology::Child& child : topology.ChildrenOf(i)) leaves += child.count > 0;
-      leaf_count_ += leaves;
-      lines += kNodeLines + leaves * uint64_t{leaf_lines_};
+      if (!Node::kSiblingsTogether) places[i].node = take(kNodeLines);
+      places[i].leaves = uint32_t(std::min<uint64_t>(lines, kLeaf));
+      for (const WideTopology::Child& child : topology.ChildrenOf(i)) {
+        if (child.count > 0) {
+          take(leaf_lines_), ++leaf_count_;
+        } else if (Node::kSiblingsTogether) {
+          places[child.first].node = take(kNodeLines);
+        }
+      }
     }
     Allocate(lines);
     root_ = 0;
     ParallelFor(Range<size_t>(0, node_count_, 256), [&](const auto& range) {
-      for (size_t i = range.begin(); i < range.end(); ++i) LayOut(uint32_t(i), place, tree, topology);
+      for (size_t i = range.begin(); i < range.end(); ++i) LayOut(uint32_t(i), places, tree, topology);
     });
   }
 
@@ -85,7 +95,7 @@ class WideBvhOf final : public WideBvh {
   }
 
  private:
-  static constexpr uint32_t kLeaf = 0x80000000u, kEnd = 0xFFFFFFFFu;
+  static constexpr uint32_t kLeaf = kLeafBit;
   struct alignas(32) Line {
     std::byte bytes[32];
   };
@@ -109,24 +119,33 @@ class WideBvhOf final : public WideBvh {
     LeafBlocks<kLanes>::FillBlock(geometry_, prims, reinterpret_cast<Block&>(lines_[line]));
   }
 
-  void LayOut(uint32_t i, const std::vector<uint32_t>& place, const BinaryTree& tree,
+  /// Lines at which a node and its leaves begin.
+  struct Place {
+    uint32_t node = 0, leaves = 0;
+  };
+
+  void LayOut(uint32_t i, const std::vector<Place>& places, const BinaryTree& tree,
               const WideTopology& topology) {
-    Node& node = reinterpret_cast<Node&>(lines_[place[i]]);
+    Node& node = reinterpret_cast<Node&>(lines_[places[i].node]);
     Bounds3 boxes[kWidth];
-    uint32_t leaf = place[i] + kNodeLines, c = 0;
+    uint32_t refs[kWidth], leaf = places[i].leaves, n = 0;
     for (const WideTopology::Child& child : topology.ChildrenOf(i)) {
-      boxes[c] = BoundsOf(tree.nodes[child.slot]);
+      boxes[n] = BoundsOf(tree.nodes[child.slot]);
       if (child.count > 0) {
         Fill(leaf, tree, child);
-        node.child[c] = kLeaf | leaf;
+        refs[n] = kLeaf | leaf;
         leaf += leaf_lines_;
       } else {
-        node.child[c] = place[child.first];
+        refs[n] = places[child.first].node;
       }
-      ++c;
+      ++n;
     }
-    node.SetBoxes({boxes, c});
-    for (; c < uint32_t(kWidth); ++c) node.child[c] = node.child[0];
+    node.SetBoxes({boxes, n});
+    node.SetChildren({refs, n}, leaf_lines_, kNodeLines);
+  }
+
+  [[gnu::always_inline]] uint32_t ChildOf(const Node& node, unsigned lane) const {
+    return node.Child(lane, leaf_lines_, kNodeLines);
   }
 
   static bool IsLeaf(uint32_t ref) { return (ref & kLeaf) != 0; }
@@ -164,11 +183,11 @@ class WideBvhOf final : public WideBvh {
     const Node& n = NodeOf(ref);
     F rows[6];
     for (unsigned r = 0; r < 6; ++r) rows[r] = n.Row(r);
-    for (int c = 0; c < kWidth && (c == 0 || n.child[c] != n.child[0]); ++c) {
+    for (unsigned c = 0; c < n.children(); ++c) {
       Bounds3 child{{rows[0][c], rows[1][c], rows[2][c]}, {rows[3][c], rows[4][c], rows[5][c]}};
       // A grid may reach beyond the node's own box, where no ray that enters the node is.
       child = {Max(child.lo, box.lo), Min(child.hi, box.hi)};
-      if (int stop = VisitBelow(n.child[c], child, depth + 1, node)) return stop;
+      if (int stop = VisitBelow(ChildOf(n, c), child, depth + 1, node)) return stop;
     }
     return 0;
   }
@@ -191,38 +210,45 @@ class WideBvhOf final : public WideBvh {
     constexpr bool kMayMove = !Counter::kCounts && Test::kSlack != Slack::kNone;
     constexpr bool kInline = !Counter::kCounts && RayState<Test>::kInLanes;
     const bool in_lanes = kInline && HoldsTriangles();
-    ForEachRay<Counter>(
-        query, [&](auto any, const RayQuery& q, rb_hit& best, Counter& counter, const rb_ray& original) __attribute__((always_inline)) {
-          if constexpr (kInline) {
-            if (in_lanes) {
-              if constexpr (any.value) {
-                TraceInLanes<Test, true, kMayMove>(q, original, best);
-              } else {
-                TraceInLanesApart<Test, kMayMove>(q, original, best);
-              }
-              return;
-            }
+    const auto trace = [&](auto any, const RayQuery& q, rb_hit& best, Counter& counter, const rb_ray& ray)
+        __attribute__((always_inline)) {
+      if constexpr (kInline) {
+        if (in_lanes) {
+          if constexpr (any.value) {
+            TraceInLanes<Test, true, kMayMove>(q, ray, best);
+          } else {
+            TraceInLanesApart<Test, kMayMove>(q, ray, best);
           }
-          TraceApart<Test, any.value, kMayMove>(q, best, counter);
-        });
+          return;
+        }
+      }
+      TraceApart<Test, any.value, kMayMove>(q, best, counter);
+    };
+    ForEachRay<Counter>(query, trace);
   }
 
+  /// A ray begins with a chain of steps that nothing else fills: from the caller's ray to the first node, without a call or
+  /// a way through memory. `ray` is that of q.
   template <class Test, bool kAnyHit, bool kMayMove>
-  [[gnu::always_inline]] void TraceInLanes(const RayQuery& q, const rb_ray& original, rb_hit& best) const {
-    const SlabRay slab(original, Test::kSlack);
-    if (kMayMove && !MovedSlab::Fits(slab)) [[unlikely]] {
-      TraceUnmoved<Test, kAnyHit>(q, slab, best);
-      return;
+  [[gnu::always_inline]] void TraceInLanes(const RayQuery& q, const rb_ray& ray, rb_hit& best) const {
+    const SlabRay slab(ray, Test::kSlack);
+    if constexpr (kMayMove) {
+      if (!MovedSlab::Fits(slab)) [[unlikely]] {
+        TraceUnmoved<Test, kAnyHit>(q, slab, best);
+        return;
+      }
     }
     const auto make_leaf = [&]() [[gnu::always_inline]] {
       return InlinedLeafTest<kLanes, Test>(q, slab, needs_uv_);
     };
     NoCounting counter;
-    TraceHere<kAnyHit>(WideRay<kWidth, kMayMove>(slab, NearWidening(Test::kSlack)), make_leaf, q, best, counter);
+    TraceHere<kAnyHit>(WideRay<kWidth, kMayMove>(slab, NearWidening(Test::kSlack)), make_leaf, q, best,
+                       counter);
   }
+  /// Measured: closest-hit is no faster inlined.
   template <class Test, bool kMayMove>
-  [[gnu::noinline]] void TraceInLanesApart(const RayQuery& q, const rb_ray& original, rb_hit& best) const {
-    TraceInLanes<Test, false, kMayMove>(q, original, best);
+  [[gnu::noinline]] void TraceInLanesApart(const RayQuery& q, const rb_ray& ray, rb_hit& best) const {
+    TraceInLanes<Test, false, kMayMove>(q, ray, best);
   }
 
   /// In lanes, a ray that MovedSlab does not fit.
@@ -252,7 +278,8 @@ class WideBvhOf final : public WideBvh {
   template <bool kAnyHit, class Ray, class Counter>
   [[gnu::noinline]] void TraceByCalls(const Ray& ray, const CalledLeafTest<kLanes>& leaf, const RayQuery& q,
                                       rb_hit& best, Counter& counter) const {
-    TraceHere<kAnyHit>(ray, [&]() -> const CalledLeafTest<kLanes>& { return leaf; }, q, best, counter);
+    TraceHere<kAnyHit>(
+        ray, [&]() -> const CalledLeafTest<kLanes>& { return leaf; }, q, best, counter);
   }
 
   float NearWidening(Slack slack) const { return clipped_ ? SlabRay::Widening(slack) : 1; }
@@ -298,13 +325,13 @@ class WideBvhOf final : public WideBvh {
   [[gnu::always_inline]] static unsigned Meets(const Node& node, const Ray& ray, F tnear, F tfar, F& entry,
                                                Counter& counter) {
     counter.Step(sizeof(Node)), counter.Bounds(kWidth);
-    __builtin_prefetch(node.child);  // needed last, and by then alone
-    return ray.Meets([&](unsigned row) { return node.Row(row); }, tnear, tfar, entry);
+    __builtin_prefetch(node.References());  // needed last, and by then alone
+    return node.WithChild(ray.Meets([&](unsigned row) { return node.Row(row); }, tnear, tfar, entry));
   }
 
   /// Asks the memory for a child that waits: large trees are bound by it.
   [[gnu::always_inline]] void Prefetch(const Node& node, unsigned waiting) const {
-    if (waiting != 0) Prefetch(node.child[__builtin_ctz(waiting)]);
+    if (waiting != 0) Prefetch(ChildOf(node, unsigned(__builtin_ctz(waiting))));
   }
   [[gnu::always_inline]] void Prefetch(uint32_t ref) const {
     const std::byte* at = lines_[ref & ~kLeaf].bytes;
@@ -328,7 +355,7 @@ class WideBvhOf final : public WideBvh {
         --top;
         node = top->node, children = top->children;
       }
-      const uint32_t ref = node->child[__builtin_ctz(children)];
+      const uint32_t ref = ChildOf(*node, unsigned(__builtin_ctz(children)));
       children &= children - 1;
       Prefetch(*node, children);
       if ((ref & kLeaf) != 0) {
@@ -365,7 +392,7 @@ class WideBvhOf final : public WideBvh {
       }
       const bool is_one = (children & (children - 1)) == 0;
       const unsigned i = is_one ? unsigned(__builtin_ctz(children)) : LaneOfLeast<kWidth>(entry, children);
-      const uint32_t ref = node->child[i];
+      const uint32_t ref = ChildOf(*node, i);
       children &= ~(1u << i);
       Prefetch(*node, children);
       if ((ref & kLeaf) != 0) {

@@ -3,7 +3,8 @@
 // trees; collapse.h makes wide nodes of what they hand over. Nodes are in nodes.h, the node test in ray.h, the loops in
 // traversal.h, that for several rays at a time in interleaved.h, tests of leaves in leaf_test.h.
 //
-// Nodes and leaves stand in one array of lines, in depth-first order, the leaves of a node right behind it. A leaf is
+// Nodes and leaves stand in one array of lines, in depth-first order, the leaves of a node right behind it, or, where nodes
+// are quantised, a node's children side by side, leaves first. A leaf is
 // one block of triangles (ray/leaf_blocks.h), as many as the node has children, but no more than eight, or what such a
 // block is made from (compact_leaves.h). A reference is a line's number; bit 31 tells leaves.
 //
