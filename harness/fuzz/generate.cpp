@@ -17,7 +17,7 @@
 namespace raybench::fuzz {
 namespace {
 
-constexpr float kInfinity = std::numeric_limits<float>::infinity();
+constexpr float kInf = std::numeric_limits<float>::infinity();
 constexpr double kFarthest = 0x1p29;
 constexpr size_t kRays = 40;
 
@@ -239,8 +239,7 @@ class Builder {
       Vec3f p[3];
       for (Vec3f& q : p) q = {number(), number(), number()};
       if (random_.Below(3) == 0)
-        for (int k = 0; k < 3; ++k)
-          p[2][k] = std::nextafter(p[0][k], random_.Below(2) ? kInfinity : -kInfinity);
+        for (int k = 0; k < 3; ++k) p[2][k] = std::nextafter(p[0][k], random_.Below(2) ? kInf : -kInf);
       Triangle(p[0], p[1], p[2]);
     }
   }
@@ -252,7 +251,7 @@ class Builder {
     for (size_t i = 0; i < n; ++i) {
       Vec3f q[3] = {p[0], p[1], p[2]};
       for (Vec3f& v : q)
-        for (size_t k = 0; k < i % 64 * size_t(steps); ++k) v[axis] = std::nextafter(v[axis], kInfinity);
+        for (size_t k = 0; k < i % 64 * size_t(steps); ++k) v[axis] = std::nextafter(v[axis], kInf);
       Triangle(q[0], q[1], q[2]);
     }
   }
@@ -328,7 +327,7 @@ class Builder {
   // ---- rays ----
 
   void Ray(Vec3f org, Vec3f dir) {
-    const rb_ray ray{{org.x, org.y, org.z}, 0, {dir.x, dir.y, dir.z}, kInfinity};
+    const rb_ray ray{{org.x, org.y, org.z}, 0, {dir.x, dir.y, dir.z}, kInf};
     if (IsValidRay(ray)) case_.rays.push_back(ray);
   }
 

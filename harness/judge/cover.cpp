@@ -7,13 +7,13 @@
 namespace raybench {
 namespace {
 
-using Polygon = std::vector<Vec3d>;  // convex and plane
+using ConvexPolygon = std::vector<Vec3d>;  // plane
 
 class Cover {
  public:
   explicit Cover(double eps) : eps_(eps) {}
 
-  bool Covers(const std::vector<const Bounds3*>& boxes, Polygon rest) const {
+  bool Covers(const std::vector<const Bounds3*>& boxes, ConvexPolygon rest) const {
     if (Negligible(rest)) return true;
     const Bounds3* const chosen = AmongThem(boxes, rest);
     if (chosen == nullptr) return false;
@@ -22,7 +22,7 @@ class Cover {
     for (int face = 0; face < 6; ++face) {
       const int axis = face / 2;
       const double sign = face % 2 == 0 ? -1 : 1, plane = face % 2 == 0 ? box.lo[axis] : box.hi[axis];
-      Polygon outside, inside;
+      ConvexPolygon outside, inside;
       bool beyond = false;
       for (size_t i = 0; i < rest.size(); ++i) {
         const Vec3d p = rest[i], q = rest[(i + 1) % rest.size()];
@@ -44,7 +44,7 @@ class Cover {
   }
 
   /// The boxes, but for `without`, whose bounds meet those of the polygon, and its plane.
-  std::vector<const Bounds3*> Meeting(const std::vector<const Bounds3*>& boxes, const Polygon& polygon,
+  std::vector<const Bounds3*> Meeting(const std::vector<const Bounds3*>& boxes, const ConvexPolygon& polygon,
                                       const Bounds3* without) const {
     Vec3d lo = polygon[0], hi = lo;
     for (Vec3d p : polygon) {
@@ -75,7 +75,7 @@ class Cover {
  private:
   /// A box in which some of the polygon may lie, in the middle of the list if possible, so that what is left falls
   /// into halves. Those that the polygon passes by would only make the recursion deep.
-  const Bounds3* AmongThem(const std::vector<const Bounds3*>& boxes, const Polygon& polygon) const {
+  const Bounds3* AmongThem(const std::vector<const Bounds3*>& boxes, const ConvexPolygon& polygon) const {
     const size_t n = boxes.size(), middle = n / 2;
     for (size_t i = 0; i < n; ++i) {
       const size_t step = (i + 1) / 2, at = i % 2 == 0 ? middle + step : middle - step;
@@ -84,7 +84,7 @@ class Cover {
     return nullptr;
   }
   /// Whether all of the polygon lies beyond one of the box's faces: with an edge on it at most, not within it.
-  bool IsBeside(const Bounds3& box, const Polygon& polygon) const {
+  bool IsBeside(const Bounds3& box, const ConvexPolygon& polygon) const {
     for (int k = 0; k < 3; ++k) {
       double lo = polygon[0][k], hi = lo;
       for (Vec3d p : polygon) lo = std::min(lo, p[k]), hi = std::max(hi, p[k]);
@@ -94,14 +94,14 @@ class Cover {
     return false;
   }
   /// Twice the area, along the normal.
-  static Vec3d Area(const Polygon& polygon) {
+  static Vec3d Area(const ConvexPolygon& polygon) {
     Vec3d area{0, 0, 0};
     for (size_t i = 1; i + 1 < polygon.size(); ++i)
       area = area + Cross(polygon[i] - polygon[0], polygon[i + 1] - polygon[0]);
     return area;
   }
   /// Thinner than eps: twice the area over the length around it.
-  bool Negligible(const Polygon& polygon) const {
+  bool Negligible(const ConvexPolygon& polygon) const {
     double around = 0;
     for (size_t i = 0; i < polygon.size(); ++i)
       around += Length(polygon[(i + 1) % polygon.size()] - polygon[i]);
@@ -118,7 +118,7 @@ bool BoxesCover(std::span<const Bounds3> boxes, Vec3f p0, Vec3f p1, Vec3f p2) {
   for (Vec3f p : {p0, p1, p2})
     for (int k = 0; k < 3; ++k) size = std::max(size, std::fabs(double(p[k])));
   const Cover cover(size * 0x1p-44);
-  const Polygon triangle = {ToDouble(p0), ToDouble(p1), ToDouble(p2)};
+  const ConvexPolygon triangle = {ToDouble(p0), ToDouble(p1), ToDouble(p2)};
   std::vector<const Bounds3*> all;
   for (const Bounds3& box : boxes) all.push_back(&box);
   return cover.Covers(cover.Meeting(all, triangle, nullptr), triangle);

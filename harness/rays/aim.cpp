@@ -289,7 +289,7 @@ struct Family {
 };
 
 /// All that can be asked for, in the order of the tables.
-constexpr Family kFamilies[] = {
+constexpr Family kAimed[] = {
     {"random", Needs::kNothing, [](const Aim& aim, Random& r) { return RandomRay(aim.bounds(), r); },
      "isotropic lines through the bounding sphere"},
     {"camera", Needs::kNothing, nullptr, "one per pixel of a square picture"},
@@ -318,7 +318,7 @@ constexpr Family kFamilies[] = {
 
 std::vector<RayFamily> AimedFamilies() {
   std::vector<RayFamily> families;
-  for (const Family& family : kFamilies) families.push_back({family.name, "closest and any", family.doc});
+  for (const Family& family : kAimed) families.push_back({family.name, "closest and any", family.doc});
   return families;
 }
 
@@ -326,7 +326,7 @@ std::vector<AimedSet> SharedSets(const Scene& scene, std::span<const MeshEdge> e
                                  uint64_t seed) {
   const auto aim = std::make_shared<const Aim>(scene, edges);
   std::vector<AimedSet> sets;
-  for (const Family& family : kFamilies) {
+  for (const Family& family : kAimed) {
     if (family.needs == Needs::kBoxesOfATree) continue;
     if (family.needs != Needs::kNothing && scene.triangles.empty()) {
       sets.push_back(Absent(family.name, "the scene has no triangles"));

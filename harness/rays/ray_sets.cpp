@@ -20,7 +20,7 @@ namespace {
 /// A captured set with fewer than 1/16 of the rays wanted is too small to time beside the others.
 constexpr uint64_t kSmallSet = 16;
 
-constexpr RayFamily kFamilies[] = {
+constexpr RayFamily kCaptured[] = {
     {"camera", "closest", "of the picture, in tiles of 8 x 8 pixels"},
     {"shadow", "any", "from hits at depth N to the lights, up to just before them", true},
     {"reflection", "closest", "of the N-th bounce", true},
@@ -154,10 +154,10 @@ std::string LabelOf(const fs::path& path, const RaySet& set) {
 
 const char* QueryName(uint32_t query) { return query == RB_ANY ? "any" : "closest"; }
 
-std::span<const RayFamily> CapturedFamilies() { return kFamilies; }
+std::span<const RayFamily> CapturedFamilies() { return kCaptured; }
 
 Capture CaptureRaySets(const Registry& registry, const Scene& scene, const CaptureOptions& options) {
-  CheckFamilyNames("--sets", options.sets, kFamilies);
+  CheckFamilyNames("--sets", options.sets, kCaptured);
   return Capturer(registry, scene, options).Run();
 }
 
