@@ -56,7 +56,7 @@ select=() python_tests=(tests)
 if [ -n "$filter" ]; then
   select=(-R "$filter")
   mapfile -t python_tests < <("${python[@]}" --collect-only tests | grep '::' | grep -E -e "$filter" || true)
-  matches=$(ctest --preset release -N "${select[@]}" | sed -n 's/^Total Tests: //p')
+  matches=$(ctest --preset release-single -N "${select[@]}" | sed -n 's/^Total Tests: //p')
   [ "$matches" != 0 ] || [ ${#python_tests[@]} -gt 0 ] || fail "no test matches '$filter'"
 fi
 
@@ -64,7 +64,7 @@ failed=no
 for preset in "${presets[@]}"; do
   say "C++ tests, $preset"
   tests=$preset
-  [ "$preset" = release ] || [ -z "$filter" ] || tests=$preset-single
+  [ -z "$filter" ] || tests=$preset-single
   ctest --preset "$tests" -j "$jobs" "${select[@]}" || failed=yes
 done
 if [ ${#python_tests[@]} -gt 0 ]; then
