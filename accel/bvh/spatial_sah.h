@@ -12,9 +12,10 @@
 // tree is the same at any thread count.
 //
 // Robustness. The test accepts rays that pass close to a point q of a triangle (ray/bounds.h). q lies in one of the
-// parts, so each part's box is padded as much as the whole triangle's, after rounding outward; then that part's leaf is visited, and nothing is lost. Traversal widens the
-// intervals of parts at both ends (ray/bounds.h). A ray that all but lies in the triangle's plane may get a t
-// further off than that: then another hit may come first that brute force finds to lie behind it, and under
+// parts, so each part's box is padded as much as the whole triangle's, after rounding outward; then that part's
+// leaf is visited, and nothing is lost. Traversal widens the intervals of parts at both ends (ray/bounds.h). A ray
+// that all but lies in the triangle's plane may get a t further off than that: then another hit may come first that
+// brute force finds to lie behind it, and under
 // `watertight` ids may differ from those of other structures, within the test's own error; under `double` and
 // `exact`, whose t is right, they do not.
 //

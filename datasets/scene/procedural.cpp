@@ -109,7 +109,7 @@ Bounds3 BoundsOf(const Cone& cone) {
               apex_reach = disc * std::fabs(double(cone.apex_radius));
   return PaddedBounds({RoundedDown(Min(base - base_reach, apex - apex_reach)),
                        RoundedUp(Max(base + base_reach, apex + apex_reach))},
-                      8);
+                      5);
 }
 
 /// The origin is first moved along the ray to where it is nearest to the cone's middle, so that distance does
@@ -193,7 +193,7 @@ PolygonPlane PlaneOf(std::span<const Vec3f> positions, std::span<const uint32_t>
   }
   // What is left of collinear corners is rounding.
   if (!(Length(plane.normal) > 0x1p-45 * size)) plane.normal = {0, 0, 0};
-  plane.bounds = PaddedBounds({lo, hi}, 8);
+  plane.bounds = PaddedBounds({lo, hi}, 5);
   return plane;
 }
 
