@@ -128,7 +128,7 @@ class WideBvhOf final : public WideBvh {
               const WideTopology& topology) {
     Node& node = reinterpret_cast<Node&>(lines_[places[i].node]);
     Bounds3 boxes[kWidth];
-    uint32_t refs[kWidth], leaf = places[i].leaves, n = 0;
+    uint32_t refs[kWidth] = {}, leaf = places[i].leaves, n = 0;
     for (const WideTopology::Child& child : topology.ChildrenOf(i)) {
       boxes[n] = BoundsOf(tree.nodes[child.slot]);
       if (child.count > 0) {
