@@ -67,7 +67,7 @@ TEST(WideNodes, EncloseTheBoxesOfTheChildren) {
 }
 
 TEST(WideNodes, QuantisedOnesAreSmall) {
-  EXPECT_LE(sizeof(QuantizedNode<8, uint8_t>), 128u);  // two cache lines
+  EXPECT_LE(sizeof(QuantizedNode<16, uint8_t>), 128u);  // two cache lines
   EXPECT_LE(double(sizeof(QuantizedNode<16, uint8_t>)) / sizeof(FullNode<16>), 0.45);
   EXPECT_LE(double(sizeof(QuantizedNode<8, uint8_t>)) / sizeof(FullNode<8>), 0.45);
 }
