@@ -363,11 +363,30 @@ TEST(RayBounds, RaysInAFaceOfTheBoxHitIt) {
   }
 }
 
+/// Counts rays that the test accepts, and those of them that pass the triangle's box where it is not padded.
+struct PaddedBoxes {
+  size_t accepted = 0, outside_unpadded = 0;
+
+  void Aim(const Vec3f (&p)[3], Vec3f org, Vec3f target) {
+    const Vec3f d = target - org;
+    if (d == Vec3f{0, 0, 0}) return;
+    const rb_ray ray{{org.x, org.y, org.z}, 0, {d.x, d.y, d.z}, INFINITY};
+    PrimHit hit;
+    if (!WatertightTest(ray).Intersect(p[0], p[1], p[2], hit)) return;
+    ++accepted;
+    float n, f;
+    SlabRay(ray, Slack::kFarEnd).Interval(PaddedBounds(p[0], p[1], p[2]), n, f);
+    ASSERT_LE(n, f) << accepted;
+    SlabRay(ray, Slack::kFarEnd).Interval({Min(Min(p[0], p[1]), p[2]), Max(Max(p[0], p[1]), p[2])}, n, f);
+    outside_unpadded += n > f;
+  }
+};
+
 TEST(RayBounds, AcceptedHitsLieInThePaddedBoxOfLongTrianglesToo) {
   // Needles along an axis, up to 1e4 times longer than the way from the origin to the hit, and rays that pass
   // their edge at about the distance by which the vertices' rounding moves it.
   Random random(31);
-  size_t accepted = 0, outside_unpadded = 0;
+  PaddedBoxes boxes;
   for (int i = 0; i < 200000; ++i) {
     const int axis = int(random.Below(3));
     const float length = std::ldexp(1.0f, int(random.Below(15)));
@@ -377,20 +396,10 @@ TEST(RayBounds, AcceptedHitsLieInThePaddedBoxOfLongTrianglesToo) {
     p[1][axis] += length * random.NextFloat();
     const Vec3f target = at + ToFloat(random.UnitVector()) * (length * 0x1p-23f);
     const Vec3f org = target + ToFloat(random.UnitVector() * random.NextDouble());
-    const Vec3f d = target - org;
-    if (d == Vec3f{0, 0, 0}) continue;
-    const rb_ray ray{{org.x, org.y, org.z}, 0, {d.x, d.y, d.z}, INFINITY};
-    PrimHit hit;
-    if (!WatertightTest(ray).Intersect(p[0], p[1], p[2], hit)) continue;
-    ++accepted;
-    float n, f;
-    SlabRay(ray, Slack::kFarEnd).Interval(PaddedBounds(p[0], p[1], p[2]), n, f);
-    ASSERT_LE(n, f) << i;
-    SlabRay(ray, Slack::kFarEnd).Interval({Min(Min(p[0], p[1]), p[2]), Max(Max(p[0], p[1]), p[2])}, n, f);
-    outside_unpadded += n > f;
+    ASSERT_NO_FATAL_FAILURE(boxes.Aim(p, org, target)) << i;
   }
-  EXPECT_GT(accepted, 10000u);
-  EXPECT_GT(outside_unpadded, 0u) << "the triangles are not long enough to need the padding";
+  EXPECT_GT(boxes.accepted, 10000u);
+  EXPECT_GT(boxes.outside_unpadded, 0u) << "the triangles are not long enough to need the padding";
 }
 
 TEST(RayBounds, AcceptedHitsLieInThePaddedBoxOfFlatAndOfFarTriangles) {
@@ -403,7 +412,7 @@ TEST(RayBounds, AcceptedHitsLieInThePaddedBoxOfFlatAndOfFarTriangles) {
       const auto some = [&](double length) {
         return ToFloat(random.UnitVector() * (length * random.NextDouble()));
       };
-      size_t accepted = 0, outside_unpadded = 0;
+      PaddedBoxes boxes;
       for (int i = 0; i < 300000; ++i) {
         const int axis = int(random.Below(3)), next = (axis + 1) % 3, last = (axis + 2) % 3;
         Vec3f p[3];
@@ -415,20 +424,11 @@ TEST(RayBounds, AcceptedHitsLieInThePaddedBoxOfFlatAndOfFarTriangles) {
         const Vec3f target =
             ToFloat(ToDouble(p[corner]) * along + ToDouble(p[(corner + 1) % 3]) * (1 - along)) +
             some(0x1p-21);
-        const Vec3f org = target + some(std::ldexp(2.0, -int(random.Below(24)))), d = target - org;
-        if (d == Vec3f{0, 0, 0}) continue;
-        const rb_ray ray{{org.x, org.y, org.z}, 0, {d.x, d.y, d.z}, INFINITY};
-        PrimHit hit;
-        if (!WatertightTest(ray).Intersect(p[0], p[1], p[2], hit)) continue;
-        ++accepted;
-        float n, f;
-        SlabRay(ray, Slack::kFarEnd).Interval(PaddedBounds(p[0], p[1], p[2]), n, f);
-        ASSERT_LE(n, f) << i;
-        SlabRay(ray, Slack::kFarEnd).Interval({Min(Min(p[0], p[1]), p[2]), Max(Max(p[0], p[1]), p[2])}, n, f);
-        outside_unpadded += n > f;
+        const Vec3f org = target + some(std::ldexp(2.0, -int(random.Below(24))));
+        ASSERT_NO_FATAL_FAILURE(boxes.Aim(p, org, target)) << i;
       }
-      EXPECT_GT(accepted, 50000u);
-      EXPECT_GT(outside_unpadded, 0u) << is_flat << " " << far << ": nothing needs the padding";
+      EXPECT_GT(boxes.accepted, 50000u);
+      EXPECT_GT(boxes.outside_unpadded, 0u) << is_flat << " " << far << ": nothing needs the padding";
     }
   }
 }
