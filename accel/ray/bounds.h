@@ -68,7 +68,7 @@ inline Bounds3 Padded(const Bounds3& box, Vec3f extent) {
   return b;
 }
 
-/// The same for what fills the box; for other things than triangles `times` as much.
+/// The same for what fills the box; `times` as much for what is tested otherwise than triangles.
 inline Bounds3 PaddedBounds(const Bounds3& box, float times = 1) { return Padded(box, box.Extent() * times); }
 
 /// The triangle's bounds, padded.
@@ -87,7 +87,7 @@ inline Bounds3 PaddedPrimBounds(const rb_geometry& g, uint32_t prim) {
 struct SlabRay {
   static constexpr float kNearScale = 1 - 0x1p-19f;
 
-  Float4 org, dir;
+  Float4 org, dir;           ///< what needs no 1/d need not wait for it
   Float4 inv;                ///< 1/d
   Float4 inv_near, inv_far;  ///< the same, scaled; the near one stays finite
   unsigned signs;            ///< bit a: the sign bit of d[a]

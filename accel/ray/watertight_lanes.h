@@ -164,7 +164,8 @@ class WatertightLanes {
     return Mask((F(signed_sum) < -error) & (p + RayShear::kTiny < Abs(d)) & begun);
   }
 
-  /// Lanes, by their sign bits, whose triangle begins before the origin along the axis, in the ray's sense.
+  /// Lanes, by their sign bits, whose triangle begins before the origin along the axis, in the ray's sense; one that begins
+  /// there may be left out.
   template <class Block>
   [[gnu::always_inline]] static IntN<LanesOf<Block>> Begun(const Block& block, unsigned axis, float org,
                                                            int32_t sign) {

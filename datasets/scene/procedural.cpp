@@ -15,6 +15,9 @@ namespace {
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 constexpr float kMaxFloat = std::numeric_limits<float>::max();
 
+/// Times a triangle's padding: 7.8 u of the largest extent at least, more than the tests of cones and polygons err by.
+constexpr float kRoom = 5;
+
 bool IsFinite(Vec3f v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
 
 std::string Text(Vec3f v) { return fmt::format("({}, {}, {})", v.x, v.y, v.z); }
@@ -109,7 +112,7 @@ Bounds3 BoundsOf(const Cone& cone) {
               apex_reach = disc * std::fabs(double(cone.apex_radius));
   return PaddedBounds({RoundedDown(Min(base - base_reach, apex - apex_reach)),
                        RoundedUp(Max(base + base_reach, apex + apex_reach))},
-                      5);
+                      kRoom);
 }
 
 /// The origin is first moved along the ray to where it is nearest to the cone's middle, so that distance does
@@ -193,7 +196,7 @@ PolygonPlane PlaneOf(std::span<const Vec3f> positions, std::span<const uint32_t>
   }
   // What is left of collinear corners is rounding.
   if (!(Length(plane.normal) > 0x1p-45 * size)) plane.normal = {0, 0, 0};
-  plane.bounds = PaddedBounds({lo, hi}, 5);
+  plane.bounds = PaddedBounds({lo, hi}, kRoom);
   return plane;
 }
 

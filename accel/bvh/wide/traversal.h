@@ -43,21 +43,21 @@ class WideBvhOf final : public WideBvh {
     bounds_ = BoundsOf(tree.nodes[0]);
     if (node_count_ == 0) {
       Allocate(leaf_lines_);
-      leaf_count_ = 1, root_ = kLeaf;
+      leaf_count_ = 1, root_ = kLeafBit;
       Fill(0, tree, topology.children[0]);
       return;
     }
     std::vector<Place> places(node_count_);
     uint64_t lines = 0;
     const auto take = [&](uint32_t n) {
-      const uint32_t first = uint32_t(std::min<uint64_t>(lines, kLeaf));
+      const uint32_t first = uint32_t(std::min<uint64_t>(lines, kLeafBit));
       lines += n;
       return first;
     };
     if (Node::kSiblingsTogether) places[0].node = take(kNodeLines);
     for (uint32_t i = 0; i < node_count_; ++i) {
       if (!Node::kSiblingsTogether) places[i].node = take(kNodeLines);
-      places[i].leaves = uint32_t(std::min<uint64_t>(lines, kLeaf));
+      places[i].leaves = take(0);
       for (const WideTopology::Child& child : topology.ChildrenOf(i)) {
         if (child.count > 0) {
           take(leaf_lines_), ++leaf_count_;
@@ -95,7 +95,6 @@ class WideBvhOf final : public WideBvh {
   }
 
  private:
-  static constexpr uint32_t kLeaf = kLeafBit;
   struct alignas(32) Line {
     std::byte bytes[32];
   };
@@ -108,7 +107,7 @@ class WideBvhOf final : public WideBvh {
   // --- layout ---
 
   void Allocate(uint64_t lines) {
-    if (lines >= kLeaf) throw std::runtime_error("too many primitives");
+    if (lines >= kLeafBit) throw std::runtime_error("too many primitives");
     lines_ = HugeArray<Line>(lines);
   }
   static Bounds3 BoundsOf(const BuildNode& node) { return {LoadVec3(node.lo), LoadVec3(node.hi)}; }
@@ -133,7 +132,7 @@ class WideBvhOf final : public WideBvh {
       boxes[n] = BoundsOf(tree.nodes[child.slot]);
       if (child.count > 0) {
         Fill(leaf, tree, child);
-        refs[n] = kLeaf | leaf;
+        refs[n] = kLeafBit | leaf;
         leaf += leaf_lines_;
       } else {
         refs[n] = places[child.first].node;
@@ -148,11 +147,11 @@ class WideBvhOf final : public WideBvh {
     return node.Child(lane, leaf_lines_, kNodeLines);
   }
 
-  static bool IsLeaf(uint32_t ref) { return (ref & kLeaf) != 0; }
+  static bool IsLeaf(uint32_t ref) { return (ref & kLeafBit) != 0; }
   const Node& NodeOf(uint32_t ref) const { return reinterpret_cast<const Node&>(lines_[ref]); }
   /// Of a copied leaf.
-  const Block& BlockOf(uint32_t ref) const { return reinterpret_cast<const Block&>(lines_[ref & ~kLeaf]); }
-  const void* LeafOf(uint32_t ref) const { return &lines_[ref & ~kLeaf]; }
+  const Block& BlockOf(uint32_t ref) const { return reinterpret_cast<const Block&>(lines_[ref & ~kLeafBit]); }
+  const void* LeafOf(uint32_t ref) const { return &lines_[ref & ~kLeafBit]; }
   const uint32_t* PrimsOf(uint32_t ref) const {
     return codec_ == nullptr ? BlockOf(ref).prim : static_cast<const uint32_t*>(LeafOf(ref));
   }
@@ -175,7 +174,7 @@ class WideBvhOf final : public WideBvh {
                  const std::function<int(const rb_node&)>& node) const {
     const float bounds[6] = {box.lo.x, box.lo.y, box.lo.z, box.hi.x, box.hi.y, box.hi.z};
     rb_node shown{depth, 0, clipped_, RB_SHAPE_BOX, bounds, 6, 0, nullptr};
-    if ((ref & kLeaf) != 0) {
+    if ((ref & kLeafBit) != 0) {
       shown.is_leaf = 1, shown.prims = PrimsOf(ref), shown.prim_count = LeafSize(ref);
       return node(shown);
     }
@@ -334,7 +333,7 @@ class WideBvhOf final : public WideBvh {
     if (waiting != 0) Prefetch(ChildOf(node, unsigned(__builtin_ctz(waiting))));
   }
   [[gnu::always_inline]] void Prefetch(uint32_t ref) const {
-    const std::byte* at = lines_[ref & ~kLeaf].bytes;
+    const std::byte* at = lines_[ref & ~kLeafBit].bytes;
     for (size_t i = 0; i < std::max(sizeof(Node), sizeof(Block)); i += 64) __builtin_prefetch(at + i);
   }
 
@@ -358,7 +357,7 @@ class WideBvhOf final : public WideBvh {
       const uint32_t ref = ChildOf(*node, unsigned(__builtin_ctz(children)));
       children &= children - 1;
       Prefetch(*node, children);
-      if ((ref & kLeaf) != 0) {
+      if ((ref & kLeafBit) != 0) {
         if (TakeLeaf<true>(ref, leaf, best, counter)) return;
         continue;
       }
@@ -395,7 +394,7 @@ class WideBvhOf final : public WideBvh {
       const uint32_t ref = ChildOf(*node, i);
       children &= ~(1u << i);
       Prefetch(*node, children);
-      if ((ref & kLeaf) != 0) {
+      if ((ref & kLeafBit) != 0) {
         if (TakeLeaf<false>(ref, leaf, best, counter)) {
           tfar = Splat<F>(best.t);
           children &= LessEqual<kWidth>(entry, tfar);
